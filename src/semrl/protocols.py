@@ -1,0 +1,80 @@
+"""What a box of the architecture must offer, so that any part can be exchanged for another."""
+
+from collections.abc import Sequence
+from typing import Any, Protocol, Self, runtime_checkable
+
+from numpy.typing import NDArray
+
+from semrl.arrays import Arrays
+from semrl.types import Floats, Image, Ints, Objects, SceneGraph
+
+
+@runtime_checkable
+class Persistent(Protocol):
+    """Something whose learned state goes out and in as named arrays."""
+
+    def to_arrays(self) -> Arrays:
+        """Return everything that was learned; restoring it gives the same behaviour, bit for bit."""
+        ...
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Take over what `to_arrays` of an equally configured component returned."""
+        ...
+
+
+class Detector(Persistent, Protocol):
+    """Finds the objects of an image (§3.2.1)."""
+
+    def partial_fit(self, image: Image) -> Self:
+        """Learn from one preprocessed image, ``(84, 84)`` uint8."""
+        ...
+
+    def detect(self, image: Image) -> Objects:
+        """Return the objects of one preprocessed image."""
+        ...
+
+
+class Transformer(Persistent, Protocol):
+    """Lowers the dimension of objects (§3.2.2)."""
+
+    def partial_fit(self, X: NDArray[Any]) -> Self:
+        """Learn from ``(n, d)`` rows."""
+        ...
+
+    def transform(self, X: NDArray[Any]) -> Floats:
+        """Map ``(n, d)`` rows to ``(n, k)``; learns nothing."""
+        ...
+
+
+class Clusterer(Persistent, Protocol):
+    """Groups objects into kinds (§3.2.2)."""
+
+    def partial_fit(self, X: NDArray[Any]) -> Self:
+        """Learn from ``(n, k)`` rows."""
+        ...
+
+    def predict(self, X: NDArray[Any]) -> Ints:
+        """Return the class number of each of ``(n, k)`` rows; learns nothing."""
+        ...
+
+
+class Embedder(Persistent, Protocol):
+    """Writes a scene graph as a vector (§3.2.3)."""
+
+    @property
+    def documents_needed(self) -> int:
+        """How many scenes `fit` wants before `transform` works; 0 when nothing is learned."""
+        ...
+
+    @property
+    def dimension(self) -> int:
+        """Length of the vectors."""
+        ...
+
+    def fit(self, graphs: Sequence[SceneGraph]) -> Self:
+        """Learn from scenes, all at once."""
+        ...
+
+    def transform(self, graph: SceneGraph) -> Floats:
+        """Return the vector, ``(dimension,)`` float32; learns nothing."""
+        ...
