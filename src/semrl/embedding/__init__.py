@@ -1,0 +1,20 @@
+"""Embedding (§3.2.3): a frame's objects become a graph, the graph words, the words a vector."""
+
+from semrl.embedding.doc2vec import Doc2VecConfig, Doc2VecEmbedding
+from semrl.embedding.hashing import HashedEmbedding, HashedEmbeddingConfig
+from semrl.embedding.scene_graph import SceneGraphConfig, build_scene_graph
+from semrl.embedding.words import WordsConfig, document, position_words, sentences, wl_hashes
+
+__all__ = [
+    "Doc2VecConfig",
+    "Doc2VecEmbedding",
+    "HashedEmbedding",
+    "HashedEmbeddingConfig",
+    "SceneGraphConfig",
+    "WordsConfig",
+    "build_scene_graph",
+    "document",
+    "position_words",
+    "sentences",
+    "wl_hashes",
+]

@@ -1,0 +1,21 @@
+"""Runs in a folder: configuration, checkpoints, metrics, evaluation."""
+
+from semrl.runs.config import PRESETS, EvaluationConfig, RunConfig, preset
+from semrl.runs.evaluation import EvaluationResult, evaluate, load_pipeline, load_player
+from semrl.runs.folder import RunFolder
+from semrl.runs.session import TrainResult, build_trainer, train
+
+__all__ = [
+    "PRESETS",
+    "EvaluationConfig",
+    "EvaluationResult",
+    "RunConfig",
+    "RunFolder",
+    "TrainResult",
+    "build_trainer",
+    "evaluate",
+    "load_pipeline",
+    "load_player",
+    "preset",
+    "train",
+]

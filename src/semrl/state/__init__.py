@@ -1,0 +1,18 @@
+"""What there is to see and to do: environments, frames, RAM (§3.1)."""
+
+from semrl.state.environment import EnvironmentConfig, action_meanings, make_env, rom_name
+from semrl.state.game import Game
+from semrl.state.preprocessing import IMAGE_SIZE_PX, to_grey
+from semrl.state.ram import ram_feature_names, ram_features
+
+__all__ = [
+    "IMAGE_SIZE_PX",
+    "EnvironmentConfig",
+    "Game",
+    "action_meanings",
+    "make_env",
+    "ram_feature_names",
+    "ram_features",
+    "rom_name",
+    "to_grey",
+]

@@ -1,0 +1,252 @@
+"""Deep Q-learning (§3.3; Mnih et al. 2015), with the additions that proved worth it here."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import DTypeLike, NDArray
+from torch import Tensor
+from torch.nn import functional
+
+from semrl.agent.networks import NetworkConfig, build_network
+from semrl.agent.replay import Batch, ReplayBuffer
+from semrl.arrays import Arrays, array_to_rng, nest, rng_to_array, unnest
+from semrl.errors import SemrlError
+
+
+@dataclass(frozen=True, kw_only=True)
+class DQNConfig:
+    """Parameters of learning; the defaults are the thesis's (§3.3), else those of the DQN paper."""
+
+    exploration_frames: int = 30_000
+    """Emulator frames until exploration reaches its minimum."""
+    exploration_max: float = 1.0
+    """Probability of a random action at the beginning."""
+    exploration_min: float = 0.01
+    """Probability of a random action at the end; the decay is exponential."""
+    exploration_hold: int = 1
+    """A random action is held for 1 to so many decisions (Dabney et al. 2021); 1: each is drawn anew."""
+    learning_rate: float = 1e-4
+    """Step size of Adam."""
+    adam_beta1: float = 0.99
+    """Adam's memory of gradients."""
+    adam_beta2: float = 0.999
+    """Adam's memory of squared gradients."""
+    adam_epsilon: float = 1e-8
+    """Added to Adam's denominator."""
+    batch_size: int = 32
+    """Transitions in one update."""
+    replay_capacity: int = 100_000
+    """Observations kept for replay."""
+    initial_buffer: int = 10_000
+    """Decisions gathered before the first update."""
+    discount: float = 0.99
+    """What a reward one decision later counts."""
+    decisions_per_update: int = 4
+    """Decisions between two rounds of updates."""
+    updates: int = 1
+    """Updates in one round."""
+    n_steps: int = 1
+    """Decisions whose rewards are summed before the target network is asked."""
+    double: bool = False
+    """Choose the next action by the online network, value it by the target network (van Hasselt et al. 2016)."""
+    target_rate: float = 1.0
+    """Share of the online weights taken over at each renewal of the target network."""
+    target_updates: int = 10_000
+    """Updates between two renewals of the target network."""
+    clip_rewards: bool = True
+    """Learn from the sign of the reward only."""
+    max_gradient_norm: float = 0.0
+    """Longer gradients are shortened to this norm; 0: never."""
+    network: NetworkConfig = field(default_factory=NetworkConfig)
+    """Shape of the Q-network."""
+
+
+class DQN:
+    """An agent that learns action values by deep Q-learning.
+
+    Parameters
+    ----------
+    config
+        Parameters of learning.
+    shape, dtype
+        Of one observation: ``(84, 84)`` uint8 or ``(d,)`` float32.
+    n_actions
+        Number of actions.
+    frame_skip
+        Emulator frames a decision; exploration is counted in frames.
+    seed
+        Of weights, exploration and replay.
+    """
+
+    def __init__(
+        self,
+        config: DQNConfig,
+        shape: tuple[int, ...],
+        dtype: DTypeLike,
+        n_actions: int,
+        *,
+        frame_skip: int,
+        seed: int,
+    ) -> None:
+        self.config = config
+        self.n_actions = n_actions
+        self.frame_skip = frame_skip
+        self.replay = ReplayBuffer(config.replay_capacity, shape, dtype)
+        self.network = build_network(shape, n_actions, config.network, seed=seed)
+        self.target = build_network(shape, n_actions, config.network, seed=seed)
+        self.optimiser = torch.optim.Adam(
+            self.network.parameters(),
+            lr=config.learning_rate,
+            betas=(config.adam_beta1, config.adam_beta2),
+            eps=config.adam_epsilon,
+            fused=len(shape) == 1,  # twice as fast for small networks, slower for convolutions
+        )
+        self._rng = np.random.default_rng(seed)
+        self._held_action = 0
+        self._held_decisions = 0  # for which the random action is still held
+        self.decisions_ = 0
+        self.updates_ = 0
+        self.loss_ = float("nan")
+
+    @property
+    def exploration(self) -> float:
+        """Probability that the next action is random: exponential decay from maximum to minimum."""
+        c = self.config
+        progress = min(1.0, self.decisions_ * self.frame_skip / c.exploration_frames)
+        return float(c.exploration_max * (c.exploration_min / c.exploration_max) ** progress)
+
+    def act(self, state: NDArray[Any]) -> int:
+        """Choose an action for ``(2, *shape)``, the current and the previous observation: ε-greedy."""
+        if self._held_decisions == 0 and self._rng.random() < self.exploration:
+            self._held_action = int(self._rng.integers(self.n_actions))
+            self._held_decisions = int(self._rng.integers(1, self.config.exploration_hold + 1))
+        if self._held_decisions:
+            self._held_decisions -= 1
+            return self._held_action
+        return self.best_action(state)
+
+    def best_action(self, state: NDArray[Any]) -> int:
+        """Return the action of the highest value in a state, ``(2, *shape)``."""
+        return int(self.action_values(state[None])[0].argmax())
+
+    def action_values(self, states: NDArray[Any]) -> NDArray[np.float32]:
+        """Return the estimated values of all actions, ``(b, n_actions)``, for ``(b, 2, *shape)``."""
+        with torch.inference_mode():
+            return np.asarray(self.network(torch.from_numpy(states)).numpy(), dtype=np.float32)
+
+    def observe(
+        self, observation: NDArray[Any], action: int, reward: float, *, terminated: bool, start: bool
+    ) -> None:
+        """Remember one decision and, when it is time, learn."""
+        c = self.config
+        reward = float(np.sign(reward)) if c.clip_rewards else reward
+        self.replay.add(observation, action, reward, terminated=terminated, start=start)
+        self.decisions_ += 1
+        if self.decisions_ == c.initial_buffer and c.network.normalise_input:
+            states = torch.from_numpy(self.replay.latest(c.initial_buffer))
+            for network in (self.network, self.target):
+                network[0].fit(states)  # type: ignore[operator]
+        if self.decisions_ >= c.initial_buffer and self.decisions_ % c.decisions_per_update == 0:
+            for _ in range(c.updates):
+                self.update(
+                    self.replay.sample(self._rng, c.batch_size, n_steps=c.n_steps, discount=c.discount)
+                )
+
+    def end_episode(self, observation: NDArray[Any]) -> None:
+        """Remember the last observation of an episode."""
+        self.replay.end_episode(observation)
+
+    def update(self, batch: Batch) -> None:
+        """Take one gradient step on a batch (eq. 2.1 with the squared error clipped to linear beyond 1).
+
+        Raises
+        ------
+        SemrlError
+            When the loss is not a number.
+        """
+        states = torch.from_numpy(batch.states)
+        values = self.network(states).gather(1, torch.from_numpy(batch.actions)[:, None])[:, 0]
+        loss = functional.smooth_l1_loss(values, self._targets(batch))
+        self.loss_ = float(loss.detach())
+        if not np.isfinite(self.loss_):
+            raise SemrlError(
+                f"the loss is {self.loss_} after {self.updates_} updates: learning has diverged; try a smaller --agent.learning-rate"
+            )
+        self.optimiser.zero_grad(set_to_none=True)
+        loss.backward()
+        if self.config.max_gradient_norm:
+            torch.nn.utils.clip_grad_norm_(self.network.parameters(), self.config.max_gradient_norm)
+        self.optimiser.step()
+        self.updates_ += 1
+        if self.updates_ % self.config.target_updates == 0:
+            self._renew_target()
+
+    def to_arrays(self) -> Arrays:
+        """Return weights, optimiser, replay, counters and the random generator."""
+        return {
+            **nest(
+                network=_module_arrays(self.network),
+                target=_module_arrays(self.target),
+                optimiser=self._optimiser_arrays(),
+                replay=self.replay.to_arrays(),
+            ),
+            "rng": rng_to_array(self._rng),
+            "counters": np.array([self.decisions_, self.updates_]),
+            "held": np.array([self._held_action, self._held_decisions]),
+            "loss": np.array(self.loss_),
+        }
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on exactly where `to_arrays` was called."""
+        self.load_network(unnest(arrays, "network"))
+        _load_module(self.target, unnest(arrays, "target"))
+        self._load_optimiser(unnest(arrays, "optimiser"))
+        self.replay.from_arrays(unnest(arrays, "replay"))
+        self._rng = array_to_rng(arrays["rng"])
+        self.decisions_, self.updates_ = (int(n) for n in arrays["counters"])
+        self._held_action, self._held_decisions = (int(n) for n in arrays["held"])
+        self.loss_ = float(arrays["loss"])
+
+    def load_network(self, arrays: Arrays) -> None:
+        """Take over the weights of the Q-network alone; enough to play."""
+        _load_module(self.network, arrays)
+
+    def _targets(self, batch: Batch) -> Tensor:
+        with torch.no_grad():
+            next_states = torch.from_numpy(batch.next_states)
+            next_values = self.target(next_states)
+            if self.config.double:
+                best = self.network(next_states).argmax(dim=1, keepdim=True)
+                value = next_values.gather(1, best)[:, 0]
+            else:
+                value = next_values.amax(dim=1)
+            targets: Tensor = torch.from_numpy(batch.returns) + torch.from_numpy(batch.discounts) * value
+        return targets
+
+    def _renew_target(self) -> None:
+        with torch.no_grad():
+            for old, new in zip(self.target.parameters(), self.network.parameters(), strict=True):
+                old.lerp_(new, self.config.target_rate)
+
+    def _optimiser_arrays(self) -> Arrays:
+        state = self.optimiser.state_dict()["state"]
+        return {
+            f"{i}/{name}": value.numpy() for i, moments in state.items() for name, value in moments.items()
+        }
+
+    def _load_optimiser(self, arrays: Arrays) -> None:
+        whole = self.optimiser.state_dict()
+        for key, value in arrays.items():
+            i, name = key.split("/")
+            whole["state"].setdefault(int(i), {})[name] = torch.from_numpy(value.copy())
+        self.optimiser.load_state_dict(whole)
+
+
+def _module_arrays(module: torch.nn.Module) -> Arrays:
+    return {name: value.numpy() for name, value in module.state_dict().items()}
+
+
+def _load_module(module: torch.nn.Module, arrays: Arrays) -> None:
+    module.load_state_dict({name: torch.from_numpy(value.copy()) for name, value in arrays.items()})

@@ -1,0 +1,90 @@
+"""The networks of the agent (Fig. 3.8): convolutions for images, a dense layer alone for vectors."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+
+@dataclass(frozen=True, kw_only=True)
+class NetworkConfig:
+    """Shape of the Q-network."""
+
+    hidden_units: tuple[int, ...] = (256,)
+    """Width of each dense layer."""
+    layer_norm: bool = False
+    """Normalise each dense layer before its activation (Ba et al. 2016)."""
+    normalise_input: bool = False
+    """Bring each number of a vector to mean 0 and standard deviation 1, as measured on the initial buffer."""
+
+
+class StateInput(nn.Module):
+    """Turn (current, previous) observations into (current, difference), §3.3.
+
+    Bytes are divided by 255. Vectors may be normalised; mean and scale are set once, by `fit`.
+    """
+
+    def __init__(self, shape: tuple[int, ...], *, is_image: bool) -> None:
+        super().__init__()
+        self.unit = 1 / 255 if is_image else 1.0
+        size = () if is_image else (2, *shape)
+        self.register_buffer("mean", torch.zeros(size))
+        self.register_buffer("scale", torch.ones(size))
+
+    def fit(self, states: Tensor) -> None:
+        """Measure mean and standard deviation of every number of the states, ``(b, 2, d)``."""
+        x = self._differences(states)
+        self.mean.copy_(x.mean(dim=0))
+        deviation = x.std(dim=0)
+        # What never varied in the sample keeps its unit: dividing by almost nothing would blow it up later.
+        self.scale.copy_(
+            torch.where(deviation > 1e-6, 1 / deviation.clamp_min(1e-6), torch.ones_like(deviation))
+        )
+
+    def forward(self, states: Tensor) -> Tensor:
+        """Map ``(b, 2, *shape)`` of bytes or floats to ``(b, 2, *shape)`` float32."""
+        return (self._differences(states) - self.mean) * self.scale
+
+    def _differences(self, states: Tensor) -> Tensor:
+        x = states.float() * self.unit
+        return torch.stack([x[:, 0], x[:, 0] - x[:, 1]], dim=1)
+
+
+def build_network(
+    shape: tuple[int, ...], n_actions: int, config: NetworkConfig, *, seed: int
+) -> nn.Sequential:
+    """Make the Q-network for observations of a shape.
+
+    Parameters
+    ----------
+    shape
+        ``(84, 84)`` for images, ``(d,)`` for vectors.
+    n_actions
+        Number of outputs.
+    config
+        Its shape.
+    seed
+        Of the initial weights; PyTorch's global generator stays as it was.
+    """
+    is_image = len(shape) > 1
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        body, width = _convolutions() if is_image else ([nn.Flatten()], 2 * shape[0])
+        dense: list[nn.Module] = []
+        for units in config.hidden_units:
+            dense += [nn.Linear(width, units)]
+            dense += [nn.LayerNorm(units)] if config.layer_norm else []
+            dense += [nn.ReLU()]
+            width = units
+        return nn.Sequential(StateInput(shape, is_image=is_image), *body, *dense, nn.Linear(width, n_actions))
+
+
+def _convolutions() -> tuple[list[nn.Module], int]:
+    """Return the three convolutions of Fig. 3.8 and the number of values they give."""
+    layers = [
+        nn.Conv2d(2, 32, 8, stride=4), nn.ReLU(),  # 84 → 20
+        nn.Conv2d(32, 64, 8, stride=4), nn.ReLU(),  # 20 → 4
+        nn.Conv2d(64, 64, 3, stride=1), nn.ReLU(),  # 4 → 2
+        nn.Flatten(),
+    ]  # fmt: skip
+    return layers, 2 * 2 * 64

@@ -1,0 +1,62 @@
+"""``semrl eval``: play with a trained run."""
+
+import dataclasses
+import json as json_format
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from semrl.cli.arguments import parse
+from semrl.cli.progress import console, error_console, progress_bars, summary
+from semrl.errors import UsageError
+from semrl.runs import RunFolder, evaluate
+from semrl.runs.recording import recorder
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvalArguments:
+    """Play with the agent of a run, greedily and from random starts, and write evaluation.json beside it."""
+
+    run: tyro.conf.Positional[Path]
+    """Folder of the run."""
+    episodes: int | None = None
+    """Episodes to play [default: what the run is configured for, 30]."""
+    seed: int | None = None
+    """Of the episodes [default: one that training did not use]."""
+    policy: Literal["agent"] = "agent"
+    """Who decides."""
+    video: Path | None = None
+    """Write the first episode, with its objects marked, as an .mp4 file."""
+    json: bool = False
+    """Print one JSON object as the only line of standard output."""
+
+
+def main(argv: Sequence[str]) -> None:
+    """Parse, play, tell."""
+    arguments = parse(EvalArguments, argv, command="eval")
+    if arguments.episodes is not None and arguments.episodes < 1:
+        raise UsageError("--episodes must be at least 1")
+    config = RunFolder.open(arguments.run).config()
+    episodes = arguments.episodes or config.evaluation.episodes
+    returns: list[float] = []
+    with progress_bars() as bars, recorder(arguments.run, arguments.video) as record:
+        task = bars.add_task("evaluate", total=episodes, note="")
+
+        def on_episode(total: float) -> None:
+            returns.append(total)
+            bars.update(task, advance=1, note=f"mean return {sum(returns) / len(returns):.1f}")
+
+        result = evaluate(
+            arguments.run, episodes=episodes, seed=arguments.seed, on_episode=on_episode, on_step=record
+        )
+    if arguments.json:
+        print(json_format.dumps(dataclasses.asdict(result)))
+        return
+    console.print(summary({
+        "mean return": f"{result.mean:.2f} ± {result.std:.2f} over {result.episodes} episodes",
+        "from … to": f"{result.min:.0f} … {result.max:.0f}",
+        **({"video": arguments.video} if arguments.video else {}),
+    }))  # fmt: skip

@@ -1,0 +1,107 @@
+"""``semrl train``: learn to see, then to play."""
+
+import argparse
+import dataclasses
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from semrl.cli.arguments import parse
+from semrl.cli.progress import TrainingProgress, console, summary
+from semrl.errors import UsageError
+from semrl.runs import RunConfig, RunFolder, TrainResult, preset, train
+from semrl.runs.config import read_toml
+from semrl.training import Observer
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainArguments:
+    """Train an agent, perception first. Every setting of the run is a flag; --preset sets them all."""
+
+    config: Annotated[RunConfig, tyro.conf.arg(name="")]
+    """Everything that decides the result."""
+    run: Path | None = None
+    """Folder of the run [default: runs/MODEL-ENV-SEED-TIME]."""
+    resume: bool = False
+    """Go on with the run in --run where its last checkpoint stands."""
+    preset: str = "semrl"
+    """Named settings: 'semrl' is what learns best, 'thesis' is the thesis to the letter."""
+    config_file: Annotated[Path | None, tyro.conf.arg(name="config")] = None
+    """TOML file of settings, on top of the preset and below the flags."""
+    tensorboard: bool = False
+    """Write TensorBoard events into the run's folder (extra 'tensorboard')."""
+    json: bool = False
+    """Print one JSON object as the only line of standard output."""
+
+
+def main(argv: Sequence[str]) -> None:
+    """Parse, train, tell."""
+    arguments = _parse(argv)
+    path = arguments.run or _default_path(arguments.config)
+    if arguments.resume:
+        path = _checked_resume(arguments, argv)
+    config = None if arguments.resume else arguments.config
+    shown = RunFolder.open(path).config() if config is None else config
+    with TrainingProgress(shown, path) as progress:
+        observers: list[Observer] = [progress]
+        if arguments.tensorboard:
+            from semrl.cli.tensorboard import TensorBoard
+
+            observers.append(TensorBoard(path / "tensorboard"))
+        result = train(path, config, observers=observers)
+    tell(result, as_json=arguments.json)
+
+
+def tell(result: TrainResult, *, as_json: bool) -> None:
+    """Print the result for a person or for a program."""
+    if as_json:
+        print(json.dumps(dataclasses.asdict(result)))
+        return
+    last = result.return_mean_last10
+    console.print(summary({
+        "run": result.run,
+        "played": f"{result.decisions:,} decisions ({result.frames:,} frames), {result.episodes} episodes",
+        "mean return, last 10": "no episode finished" if last is None else f"{last:.1f}",
+        "took": f"{result.seconds / 60:.1f} minutes",
+        "next": f"semrl eval {result.run}   ·   semrl report {result.run}",
+    }))  # fmt: skip
+
+
+def _parse(argv: Sequence[str]) -> TrainArguments:
+    """Let the preset, the model and the file decide the defaults, then parse the flags on top."""
+    first = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
+    for flag in ("--preset", "--model", "--config"):
+        first.add_argument(flag)
+    try:
+        known, _ = first.parse_known_args(argv)
+    except argparse.ArgumentError as error:
+        raise UsageError(str(error)) from None
+    overrides: dict[str, Any] = read_toml(Path(known.config)) if known.config else {}
+    name = known.preset or TrainArguments.preset
+    try:
+        config = preset(name, known.model, overrides)
+    except UsageError as error:
+        raise UsageError(f"{known.config}: {error}" if known.config else str(error)) from None
+    return parse(TrainArguments, argv, command="train", default=TrainArguments(config=config, preset=name))
+
+
+def _default_path(config: RunConfig) -> Path:
+    game = config.env.split("/")[-1].split("NoFrameskip")[0].lower()
+    return Path("runs") / f"{config.model}-{game}-{config.seed}-{time.strftime('%Y%m%d-%H%M%S')}"
+
+
+def _checked_resume(arguments: TrainArguments, argv: Sequence[str]) -> Path:
+    if arguments.run is None:
+        raise UsageError("--resume needs --run: the folder to go on with")
+    allowed = {"--run", "--resume", "--json", "--tensorboard"}
+    others = [
+        word.split("=")[0] for word in argv if word.startswith("--") and word.split("=")[0] not in allowed
+    ]
+    if others:
+        raise UsageError(f"a resumed run keeps its settings; leave out {', '.join(others)}")
+    return arguments.run

@@ -1,0 +1,98 @@
+"""Object detection by a threshold and connected components (§3.2.1)."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.arrays import Arrays
+from semrl.detection.cutting import cut_components
+from semrl.errors import DataError
+from semrl.state.preprocessing import IMAGE_SIZE_PX
+from semrl.types import Image, Ints, Objects
+
+
+@dataclass(frozen=True, kw_only=True)
+class DetectionConfig:
+    """What counts as an object."""
+
+    threshold_share: float = 0.9
+    """Share of Otsu's threshold that is used: lowering it finds rather more objects than fewer."""
+    threshold_frames: int = 50
+    """Frames whose Otsu thresholds are looked at once, at the beginning; their median is kept."""
+    max_object_share: float = 0.1
+    """Objects longer than this share of the image are cut."""
+
+
+class OtsuDetector:
+    """Foreground is what is brighter than a fixed threshold; its connected components are objects.
+
+    The threshold of Otsu (1979) is found once (§3.2.1), from the median over the first frames: the
+    very first frames of a game often show a blank or half-drawn screen.
+
+    Attributes
+    ----------
+    thresholds_ : list of float
+        Otsu's threshold of each frame looked at, in grey levels.
+    """
+
+    def __init__(self, config: DetectionConfig | None = None) -> None:
+        self.config = config or DetectionConfig()
+        self.thresholds_: list[float] = []
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether enough frames were seen to fix the threshold."""
+        return len(self.thresholds_) >= self.config.threshold_frames
+
+    @property
+    def threshold_(self) -> float:
+        """The lowered threshold in grey levels; pixels above it are foreground."""
+        if not self.thresholds_:
+            raise DataError("the detector has seen no image yet: call partial_fit first")
+        return float(np.median(self.thresholds_)) * self.config.threshold_share
+
+    @property
+    def crop_size_px(self) -> int:
+        """Edge of the window of one object: the largest size that is not cut."""
+        return int(IMAGE_SIZE_PX * self.config.max_object_share)
+
+    def partial_fit(self, image: Image) -> Self:
+        """Look at one more image, until there are enough."""
+        _check(image)
+        if not self.is_fitted:
+            threshold, _ = cv2.threshold(image, 0, 255, cv2.THRESH_OTSU)
+            self.thresholds_.append(float(threshold))
+        return self
+
+    def components(self, image: Image) -> NDArray[np.int32]:
+        """Number the connected components (8 neighbours) of the foreground, ``(84, 84)``; 0 is background."""
+        return self._components(image)[0]
+
+    def detect(self, image: Image) -> Objects:
+        """Find the objects of an image: its components, the large ones cut into equal parts."""
+        labels, boxes = self._components(image)
+        return cut_components(image, labels, boxes, self.crop_size_px)
+
+    def to_arrays(self) -> Arrays:
+        """Return the thresholds found."""
+        return {"thresholds": np.array(self.thresholds_)}
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Take over thresholds."""
+        self.thresholds_ = arrays["thresholds"].tolist()
+
+    def _components(self, image: Image) -> tuple[NDArray[np.int32], Ints]:
+        """Return the numbered components and each one's box: top, left, height, width."""
+        _check(image)
+        foreground = (image > self.threshold_).astype(np.uint8)
+        _, labels, stats, _ = cv2.connectedComponentsWithStats(foreground, connectivity=8)
+        order = [cv2.CC_STAT_TOP, cv2.CC_STAT_LEFT, cv2.CC_STAT_HEIGHT, cv2.CC_STAT_WIDTH]
+        return np.asarray(labels, dtype=np.int32), stats[1:, order].astype(np.int64)
+
+
+def _check(image: Image) -> None:
+    if image.shape != (IMAGE_SIZE_PX, IMAGE_SIZE_PX) or image.dtype != np.uint8:
+        raise DataError(f"expected a grey image (84, 84) of uint8, got {image.shape} of {image.dtype}")

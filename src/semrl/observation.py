@@ -1,0 +1,86 @@
+"""Symbols for other people's agents: a Gymnasium wrapper around any environment with RGB frames."""
+
+from pathlib import Path
+from typing import Any, Literal
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.errors import UsageError
+from semrl.pipeline import Pipeline
+from semrl.runs import load_pipeline
+from semrl.state import IMAGE_SIZE_PX, to_grey
+
+
+class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any]):
+    """Show an agent the scene that trained perception sees, instead of raw frames.
+
+    Parameters
+    ----------
+    env
+        Its observations are RGB frames, ``(height, width, 3)`` uint8; `make_env` gives such
+        environments with frame skip.
+    encoder
+        Folder of a trained run with perception (model ``birch`` or ``semantic``; vectors need
+        ``semantic``), or its `Pipeline`.
+    output
+        ``"vector"``: the embedding of the scene and its difference to the previous one (§3.2.3),
+        ``(2 d,)`` float32. ``"labels"``: every pixel in the grey level of its object's class,
+        ``(84, 84, 1)`` uint8.
+
+    Raises
+    ------
+    UsageError
+        When the frames are no RGB images, or the run has not learned what the output needs.
+    """
+
+    def __init__(
+        self,
+        env: gym.Env[Any, Any],
+        encoder: str | Path | Pipeline,
+        output: Literal["vector", "labels"] = "vector",
+    ) -> None:
+        super().__init__(env)
+        shape = env.observation_space.shape or ()
+        if len(shape) != 3 or shape[2] != 3 or env.observation_space.dtype != np.uint8:
+            raise UsageError(f"SemanticObservation needs RGB frames of uint8, got {env.observation_space}")
+        self.pipeline = encoder if isinstance(encoder, Pipeline) else load_pipeline(encoder)
+        self.output = output
+        self._previous: NDArray[np.float32] | None = None
+        self._check_learned()
+        if output == "labels":
+            self.observation_space = gym.spaces.Box(0, 255, (IMAGE_SIZE_PX, IMAGE_SIZE_PX, 1), np.uint8)
+        else:
+            size = (2 * self.pipeline.embedder.dimension,)
+            self.observation_space = gym.spaces.Box(-np.inf, np.inf, size, np.float32)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[Any], dict[str, Any]]:
+        """Reset; the first difference is zero."""
+        self._previous = None
+        return super().reset(seed=seed, options=options)
+
+    def observation(self, observation: NDArray[np.uint8]) -> NDArray[Any]:
+        """Elevate one frame."""
+        image = to_grey(observation)
+        if self.output == "labels":
+            return self.pipeline.class_image(self.pipeline.detector.detect(image))[:, :, None]
+        current = self.pipeline.embedder.transform(self.pipeline.scene(image))
+        previous = current if self._previous is None else self._previous
+        self._previous = current
+        return np.concatenate([current, current - previous])
+
+    def _check_learned(self) -> None:
+        """Try one black frame: whatever was not learned complains."""
+        blank = np.zeros((IMAGE_SIZE_PX, IMAGE_SIZE_PX), dtype=np.uint8)
+        views = {"labels": ("classes", "embedding"), "vector": ("embedding",)}
+        if self.output not in views:
+            raise UsageError(f"output must be 'vector' or 'labels', not '{self.output}'")
+        if self.pipeline.view not in views[self.output]:
+            raise UsageError(
+                f"output '{self.output}' needs perception of a run of model 'semantic'"
+                f"{' or birch' if self.output == 'labels' else ''}; this one sees '{self.pipeline.view}'"
+            )
+        self.pipeline.detector.detect(blank)

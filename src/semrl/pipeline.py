@@ -1,0 +1,147 @@
+"""Elevation, the upper line of Fig. 1.1: from a raw frame to the state that an agent sees.
+
+frame ─ grey image ─ objects ─ reduced objects ─ classes ─ scene graph ─ vector
+"""
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.arrays import Arrays, nest, unnest
+from semrl.clustering import Birch, BirchConfig
+from semrl.detection import DetectionConfig, OtsuDetector, label_image
+from semrl.embedding import (
+    Doc2VecConfig,
+    Doc2VecEmbedding,
+    HashedEmbedding,
+    HashedEmbeddingConfig,
+    SceneGraphConfig,
+    build_scene_graph,
+)
+from semrl.protocols import Embedder
+from semrl.reduction import ObjectPCA, PCAConfig
+from semrl.state import IMAGE_SIZE_PX, ram_feature_names, ram_features, to_grey
+from semrl.types import Image, Ints, Objects, Observation, SceneGraph
+
+View = Literal["grey", "components", "classes", "embedding", "ram"]
+"""What is shown to the agent: how far up a frame is elevated."""
+
+MODELS: dict[str, View] = {
+    "baseline": "grey",
+    "otsu": "components",
+    "birch": "classes",
+    "semantic": "embedding",
+    "ram": "ram",
+}
+"""The models of Table 4.1 and what their agents see."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PipelineConfig:
+    """Parameters of every box between frame and state."""
+
+    detection: DetectionConfig = field(default_factory=DetectionConfig)
+    """What counts as an object."""
+    pca: PCAConfig = field(default_factory=PCAConfig)
+    """How objects are reduced."""
+    birch: BirchConfig = field(default_factory=BirchConfig)
+    """When objects are of one kind."""
+    scene: SceneGraphConfig = field(default_factory=SceneGraphConfig)
+    """Which objects are joined."""
+    embedding: Literal["doc2vec", "hashed"] = "doc2vec"
+    """How a scene becomes a vector: the thesis's way (needs the extra 'thesis') or signed hashing."""
+    doc2vec: Doc2VecConfig = field(default_factory=Doc2VecConfig)
+    """Parameters of the thesis's embedding."""
+    hashed: HashedEmbeddingConfig = field(default_factory=HashedEmbeddingConfig)
+    """Parameters of the hashed embedding."""
+
+
+class Pipeline:
+    """The boxes of the upper line, wired.
+
+    Parameters
+    ----------
+    config
+        Parameters of every box.
+    view
+        What `encode` returns.
+    rom
+        Name of the Atari game, needed for the view ``"ram"`` only.
+
+    Raises
+    ------
+    UsageError
+        When the view is ``"ram"`` and this game's RAM is not mapped.
+    """
+
+    def __init__(self, config: PipelineConfig, view: View, rom: str | None = None) -> None:
+        self.config = config
+        self.view = view
+        self.rom = rom or "a game without ROM"
+        self.detector = OtsuDetector(config.detection)
+        self.pca = ObjectPCA(config.pca)
+        self.birch = Birch(config.birch)
+        self.embedder: Embedder = (
+            HashedEmbedding(config.hashed)
+            if config.embedding == "hashed"
+            else Doc2VecEmbedding(config.doc2vec)
+        )
+        if view == "ram":
+            self.shape: tuple[int, ...] = (len(ram_feature_names(self.rom)),)
+        else:
+            self.shape = (self.embedder.dimension,) if view == "embedding" else (IMAGE_SIZE_PX, IMAGE_SIZE_PX)
+        self.dtype = np.dtype(np.uint8 if len(self.shape) == 2 else np.float32)
+
+    def encode(self, observation: Observation) -> NDArray[Any]:
+        """Elevate one observation as far as the view goes.
+
+        Returns
+        -------
+        ``shape`` of ``dtype``: an image ``(84, 84)`` uint8 or a vector ``(d,)`` float32.
+        """
+        if self.view == "ram":
+            assert observation.ram is not None, "games with mapped RAM have RAM"
+            return ram_features(self.rom, observation.ram)
+        image = to_grey(observation.frame)
+        if self.view == "grey":
+            return image
+        if self.view == "components":
+            return label_image(self.detector.components(image))
+        if self.view == "classes":
+            return self.class_image(self.detector.detect(image))
+        return self.embedder.transform(self.scene(image))
+
+    def classes(self, objects: Objects) -> Ints:
+        """Return the class number of each object (§3.2.2)."""
+        return (
+            self.birch.predict(self.pca.transform(objects.features))
+            if len(objects)
+            else np.empty(0, np.int64)
+        )
+
+    def class_image(self, objects: Objects) -> Image:
+        """Draw every object in the grey level of its class."""
+        return label_image(np.append(0, self.classes(objects) + 1)[objects.labels])
+
+    def scene(self, image: Image) -> SceneGraph:
+        """Write a grey image as a scene graph (§3.2.3)."""
+        objects = self.detector.detect(image)
+        return build_scene_graph(self.classes(objects), objects.centres_px, self.config.scene.proximity_px)
+
+    def to_arrays(self) -> Arrays:
+        """Return what every box has learned."""
+        return nest(
+            detector=self.detector.to_arrays(),
+            pca=self.pca.to_arrays(),
+            birch=self.birch.to_arrays(),
+            embedder=self.embedder.to_arrays(),
+        )
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Take over what every box has learned."""
+        self.detector.from_arrays(unnest(arrays, "detector"))
+        self.pca.from_arrays(unnest(arrays, "pca"))
+        self.birch.from_arrays(unnest(arrays, "birch"))
+        self.embedder.from_arrays(unnest(arrays, "embedder"))

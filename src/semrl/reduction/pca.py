@@ -1,0 +1,105 @@
+"""Incremental principal component analysis of objects (§3.2.2)."""
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.decomposition import IncrementalPCA
+
+from semrl.arrays import Arrays
+from semrl.errors import DataError
+from semrl.types import Floats
+
+_LEARNED = (
+    "components_", "mean_", "var_", "singular_values_", "explained_variance_",
+    "explained_variance_ratio_", "noise_variance_", "n_samples_seen_",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class PCAConfig:
+    """How objects are reduced."""
+
+    components: int = 10
+    """Numbers that describe an object after reduction."""
+
+
+class ObjectPCA:
+    """scikit-learn's incremental PCA (Ross et al. 2008), fed with the unique objects of each frame.
+
+    Only unique objects are learned, so that rare ones are reconstructed as well (§3.2.3). Since the
+    decomposition needs at least as many rows as components, rows wait until there are enough.
+
+    Attributes
+    ----------
+    n_updates_ : int
+        How many times the decomposition was updated.
+    """
+
+    def __init__(self, config: PCAConfig | None = None) -> None:
+        self.config = config or PCAConfig()
+        self.n_updates_ = 0
+        self._pca = IncrementalPCA(n_components=self.config.components)
+        self._waiting: NDArray[np.float64] | None = None
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether rows can be transformed."""
+        return self.n_updates_ > 0
+
+    @property
+    def explained_variance_ratio_(self) -> NDArray[np.float64]:
+        """Share of the variance that each component explains, ``(k,)``."""
+        self._check_fitted()
+        return np.asarray(self._pca.explained_variance_ratio_)
+
+    def partial_fit(self, X: NDArray[Any]) -> Self:
+        """Learn from the unique rows among ``(n, d)``.
+
+        Raises
+        ------
+        DataError
+            When a number is not finite.
+        """
+        if not np.isfinite(X).all():
+            raise DataError("objects must be finite numbers")
+        rows = np.unique(np.asarray(X, dtype=np.float64), axis=0)
+        self._waiting = rows if self._waiting is None else np.concatenate([self._waiting, rows])
+        if len(self._waiting) >= self.config.components:
+            self._pca.partial_fit(self._waiting)
+            self._waiting = None
+            self.n_updates_ += 1
+        return self
+
+    def transform(self, X: NDArray[Any]) -> Floats:
+        """Project ``(n, d)`` rows on the components, ``(n, k)`` float32."""
+        self._check_fitted()
+        return np.asarray((X - self._pca.mean_) @ self._pca.components_.T, dtype=np.float32)
+
+    def inverse_transform(self, Z: NDArray[Any]) -> Floats:
+        """Map ``(n, k)`` back to objects, ``(n, d)``, for looking at them."""
+        self._check_fitted()
+        return np.asarray(Z @ self._pca.components_ + self._pca.mean_, dtype=np.float32)
+
+    def to_arrays(self) -> Arrays:
+        """Return the decomposition and the waiting rows."""
+        learned = {name: np.asarray(getattr(self._pca, name)) for name in _LEARNED} if self.is_fitted else {}
+        waiting = {} if self._waiting is None else {"waiting": self._waiting}
+        return {"n_updates": np.array(self.n_updates_), **learned, **waiting}
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Take over a decomposition."""
+        self.n_updates_ = int(arrays["n_updates"])
+        self._waiting = arrays.get("waiting")
+        self._pca = IncrementalPCA(n_components=self.config.components)
+        for name in _LEARNED if self.is_fitted else ():
+            value = arrays[name]
+            setattr(self._pca, name, value[()] if value.ndim == 0 else value)
+        if self.is_fitted:
+            self._pca.n_components_ = self.config.components
+            self._pca.batch_size_ = None
+
+    def _check_fitted(self) -> None:
+        if not self.is_fitted:
+            raise DataError(f"PCA has not seen {self.config.components} objects yet: call partial_fit first")

@@ -1,0 +1,159 @@
+"""The configuration of a run: composed here, read from TOML, never evaluated as code."""
+
+import difflib
+import importlib.resources
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, cast
+
+import msgspec
+import tomli_w
+
+from semrl.agent import DQNConfig
+from semrl.errors import UsageError
+from semrl.pipeline import MODELS, PipelineConfig
+from semrl.stability import StabilityConfig
+from semrl.state import EnvironmentConfig
+
+Model = Literal["baseline", "otsu", "birch", "semantic", "ram"]
+PRESETS = ("semrl", "thesis")
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluationConfig:
+    """How a trained agent is tested."""
+
+    episodes: int = 30
+    """Episodes to play."""
+    max_noops: int = 30
+    """At most so many random no-op decisions at the start of an episode, so that no two are alike."""
+    exploration: float = 0.0
+    """Probability of a random action."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunConfig:
+    """Everything that decides the result of a run; the defaults are the thesis's."""
+
+    model: Model = "semantic"
+    """What the agent sees: one of the models of Table 4.1."""
+    env: str = "PongNoFrameskip-v4"
+    """Gymnasium environment whose observations are RGB frames."""
+    frames: int = 2_000_000
+    """Budget in emulator frames, perception included; one decision takes environment.frame-skip frames."""
+    seed: int = 0
+    """Of everything random: episodes, exploration, weights, replay."""
+    threads: int = 1
+    """Processor threads; results repeat exactly for the same number."""
+    checkpoint_seconds: float = 120.0
+    """Seconds between two checkpoints; does not change the result."""
+    environment: EnvironmentConfig = field(default_factory=EnvironmentConfig)
+    """How the game is played."""
+    pipeline: PipelineConfig = field(default_factory=PipelineConfig)
+    """How frames become states."""
+    stability: StabilityConfig = field(default_factory=StabilityConfig)
+    """When perception has learned enough."""
+    agent: DQNConfig = field(default_factory=DQNConfig)
+    """How the agent learns."""
+    evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
+    """How the agent is tested."""
+
+    @property
+    def decisions(self) -> int:
+        """The budget in decisions."""
+        return self.frames // self.environment.frame_skip
+
+
+def preset(name: str, model: str | None = None, overrides: Mapping[str, Any] | None = None) -> RunConfig:
+    """Return the configuration of a preset for a model, changed by overrides.
+
+    Parameters
+    ----------
+    name
+        ``"thesis"`` or ``"semrl"``; a file of this name lies in ``presets/``. It may hold a table
+        ``[models.NAME]`` with what differs for one model.
+    model
+        A model of Table 4.1; the preset's own when None.
+    overrides
+        Nested values, as a TOML file gives them.
+
+    Raises
+    ------
+    UsageError
+        When the preset, the model or a key is unknown, or a value has the wrong type.
+    """
+    if name not in PRESETS:
+        raise UsageError(f"unknown preset '{name}'; there are {', '.join(PRESETS)}")
+    text = importlib.resources.files("semrl").joinpath("presets", f"{name}.toml").read_text()
+    values = tomllib.loads(text)
+    special = values.pop("models", {})
+    overrides = dict(overrides or {})
+    chosen = model or overrides.get("model") or values.get("model", RunConfig().model)
+    if chosen not in MODELS:
+        raise UsageError(f"unknown model '{chosen}'; there are {', '.join(MODELS)}")
+    layers = (values, special.get(chosen, {}), overrides, {"model": chosen})
+    merged: dict[str, Any] = {}
+    for layer in layers:
+        merged = _merge(merged, layer)
+    return from_dict(merged, source=f"preset {name}")
+
+
+def from_dict(values: Mapping[str, Any], *, source: str) -> RunConfig:
+    """Make a configuration from nested values; what they leave out keeps its default.
+
+    Raises
+    ------
+    UsageError
+        When a key is unknown or a value has the wrong type; the message names ``source``.
+    """
+    _check_keys(values, to_dict(RunConfig()), source)
+    try:
+        return cast(RunConfig, msgspec.convert(values, RunConfig))
+    except (msgspec.ValidationError, ValueError) as error:
+        raise UsageError(f"{source}: {error}") from None
+
+
+def to_dict(config: RunConfig) -> dict[str, Any]:
+    """Return the configuration as nested dictionaries of TOML types."""
+    return cast(dict[str, Any], msgspec.to_builtins(config))
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file.
+
+    Raises
+    ------
+    UsageError
+        When it is missing or no TOML.
+    """
+    try:
+        return tomllib.loads(path.read_text())
+    except OSError as error:
+        raise UsageError(f"cannot read {path}: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UsageError(f"{path} is not valid TOML: {error}") from None
+
+
+def write_toml(config: RunConfig) -> str:
+    """Return the configuration as TOML text."""
+    return tomli_w.dumps(to_dict(config))
+
+
+def _merge(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    merged = dict(below)
+    for key, value in above.items():
+        old = merged.get(key)
+        merged[key] = _merge(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
+    return merged
+
+
+def _check_keys(values: Mapping[str, Any], known: Mapping[str, Any], source: str, path: str = "") -> None:
+    for key, value in values.items():
+        if key not in known:
+            close = difflib.get_close_matches(key, known, n=1)
+            hint = f"; did you mean '{path}{close[0]}'?" if close else ""
+            raise UsageError(f"{source}: unknown setting '{path}{key}'{hint}")
+        if isinstance(known[key], Mapping) and isinstance(value, Mapping):
+            _check_keys(value, known[key], source, f"{path}{key}.")

@@ -1,0 +1,219 @@
+"""A training run from its folder: begin or go on, save on the way, finish."""
+
+import contextlib
+import signal
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+
+import cv2
+import numpy as np
+import torch
+from threadpoolctl import threadpool_limits
+
+from semrl.agent import DQN
+from semrl.arrays import digest
+from semrl.errors import SemrlError
+from semrl.pipeline import MODELS, Pipeline
+from semrl.runs.config import RunConfig
+from semrl.runs.folder import Checkpoint, RunFolder, weights
+from semrl.runs.metrics import MetricsFile
+from semrl.stages import Schooling
+from semrl.state import Game, make_env, rom_name
+from semrl.training import Observer, Row, Trainer
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainResult:
+    """What `train` has to tell; ``return_mean_last10`` is None when no episode was finished."""
+
+    run: str
+    model: str
+    env: str
+    seed: int
+    frames: int
+    decisions: int
+    episodes: int
+    return_mean_last10: float | None
+    seconds: float
+
+
+def train(path: Path, config: RunConfig | None = None, *, observers: Sequence[Observer] = ()) -> TrainResult:
+    """Train a run to the end of its budget.
+
+    Parameters
+    ----------
+    path
+        Folder of the run.
+    config
+        Of a new run; None to go on with the one that is there. What comes out is the same, bit for
+        bit, however often a run was interrupted (same machine, same number of threads).
+    observers
+        Watch the training.
+
+    Raises
+    ------
+    UsageError
+        When the folder exists (new run) or is no run (resume), or the configuration cannot work.
+    SemrlError
+        When training fails or is stopped by SIGINT or SIGTERM; the last good checkpoint is kept.
+    """
+    if config is not None:
+        build_trainer(config)  # what cannot work is told before anything is written
+        folder = RunFolder.create(path, config)
+    else:
+        folder = RunFolder.open(path)
+        config = folder.config()
+    with limited_threads(config.threads):
+        return _Session(folder, config, observers).run()
+
+
+def build_trainer(config: RunConfig, observers: Sequence[Observer] = ()) -> Trainer:
+    """Make all parts of a run and wire them."""
+    env = make_env(config.env, config.environment)
+    seeds = [int(seed) for seed in np.random.SeedSequence(config.seed).generate_state(3)]
+    game = Game(env, seeds[0])
+    pipeline = Pipeline(config.pipeline, MODELS[config.model], rom_name(env))
+    agent = DQN(
+        config.agent,
+        pipeline.shape,
+        pipeline.dtype,
+        game.n_actions,
+        frame_skip=config.environment.frame_skip,
+        seed=seeds[1],
+    )
+    schooling = Schooling(pipeline, config.stability)
+    return Trainer(
+        game, pipeline, schooling, agent, decisions=config.decisions, seed=seeds[2], observers=observers
+    )
+
+
+@contextlib.contextmanager
+def limited_threads(threads: int) -> Iterator[None]:
+    """Use so many processor threads and no more, in every library."""
+    before = torch.get_num_threads(), cv2.getNumThreads()
+    torch.set_num_threads(threads)
+    cv2.setNumThreads(threads)
+    try:
+        with threadpool_limits(threads):
+            yield
+    finally:
+        torch.set_num_threads(before[0])
+        cv2.setNumThreads(before[1])
+
+
+class _Session:
+    """One process's share of a run: from its newest checkpoint to the end of the budget."""
+
+    def __init__(self, folder: RunFolder, config: RunConfig, observers: Sequence[Observer]) -> None:
+        self.folder = folder
+        self.config = config
+        self.trainer = build_trainer(config, [self, *observers])
+        self._stopped_by: signal.Signals | None = None
+
+    def run(self) -> TrainResult:
+        manifest = self.folder.manifest()
+        if manifest["status"] == "finished":
+            return TrainResult(**manifest["result"] | {"run": str(self.folder.path)})
+        self.folder.clean()
+        checkpoint = self.folder.load()
+        if checkpoint:
+            self._restore(checkpoint)
+        n_rows, seconds = (checkpoint.metrics_rows, checkpoint.seconds) if checkpoint else (0, 0.0)
+        self.metrics = MetricsFile(self.folder.metrics_path, n_rows=n_rows, seconds=seconds)
+        self._phase = self.trainer.phase
+        self._saved_at = time.monotonic()
+        self.folder.update_manifest(status="running")
+        try:
+            with self._listening():
+                self.trainer.run()
+                return self._finish()
+        except SemrlError as error:
+            with contextlib.suppress(SemrlError):  # a full disk must not hide the first error
+                self.folder.update_manifest(status="interrupted" if self._stopped_by else "failed")
+            raise error
+        finally:
+            self.metrics.close()
+
+    def on_row(self, row: Row) -> None:
+        """Write what was measured."""
+        self.metrics.write(row)
+
+    def on_decision(self, trainer: Trainer) -> None:
+        """Save when it is time, at the end of each phase, and when asked to stop."""
+        due = time.monotonic() - self._saved_at > self.config.checkpoint_seconds
+        if due or trainer.phase != self._phase or self._stopped_by:
+            self._phase = trainer.phase
+            self._save()
+        if self._stopped_by:
+            raise SemrlError(
+                f"stopped by {self._stopped_by.name} after {trainer.decisions_:,} decisions; "
+                f"go on with: semrl train --run {self.folder.path} --resume"
+            )
+
+    def _restore(self, checkpoint: Checkpoint) -> None:
+        try:
+            self.trainer.from_arrays(checkpoint.arrays)
+        except (KeyError, ValueError, RuntimeError) as error:
+            name = self.folder.checkpoints()[-1]
+            raise SemrlError(f"{name} does not fit this run's configuration ({error})") from error
+
+    def _save(self) -> None:
+        self.metrics.flush()
+        self.folder.save(
+            Checkpoint(
+                arrays=self.trainer.to_arrays(),
+                metrics_rows=self.metrics.n_rows,
+                seconds=self.metrics.seconds,
+            )
+        )
+        self._saved_at = time.monotonic()
+
+    def _finish(self) -> TrainResult:
+        """Keep what is needed to play, note the hashes of everything, and drop the rest."""
+        arrays = self.trainer.to_arrays()
+        playable = weights(arrays)
+        result = self._result()
+        self.metrics.flush()
+        checkpoint = Checkpoint(arrays=playable, metrics_rows=self.metrics.n_rows, seconds=result.seconds)
+        self.folder.save(checkpoint, keep=1)
+        self.folder.update_manifest(
+            status="finished",
+            hashes={"state": digest(arrays), "weights": digest(playable)},
+            result=result.__dict__,
+        )
+        return result
+
+    def _result(self) -> TrainResult:
+        returns = self.trainer.returns_
+        return TrainResult(
+            run=str(self.folder.path),
+            model=self.config.model,
+            env=self.config.env,
+            seed=self.config.seed,
+            frames=self.trainer.decisions_ * self.config.environment.frame_skip,
+            decisions=self.trainer.decisions_,
+            episodes=len(returns),
+            return_mean_last10=float(np.mean(returns[-10:])) if returns else None,
+            seconds=round(self.metrics.seconds, 1),
+        )
+
+    @contextlib.contextmanager
+    def _listening(self) -> Iterator[None]:
+        """Turn SIGINT and SIGTERM into a wish that is granted between two decisions."""
+
+        def stop(number: int, _: FrameType | None) -> None:
+            self._stopped_by = signal.Signals(number)
+
+        try:
+            before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+        except ValueError:  # not in the main thread: whoever runs us listens
+            yield
+            return
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)

@@ -1,0 +1,238 @@
+"""What perception learns before the agent, one stage after the other (§3.2.3).
+
+    threshold → PCA until stable → Birch until stable → documents of the embedding
+
+Actions are random meanwhile: the agent cannot see yet, and chance explores.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from semrl.arrays import Arrays, arrays_to_ragged, nest, ragged_to_arrays, unnest
+from semrl.embedding import build_scene_graph
+from semrl.pipeline import Pipeline, View
+from semrl.stability import StabilityConfig, StabilityTest, label_agreement, mean_absolute_difference
+from semrl.state import to_grey
+from semrl.types import Image, Observation, SceneGraph
+
+
+class Stage(ABC):
+    """One thing to learn before the next.
+
+    Attributes
+    ----------
+    name : str
+        As metrics and progress bars show it.
+    unit : str
+        What `batches_` counts.
+    goal : int
+        How many batches it takes; 0 when that is not known beforehand.
+    batches_ : int
+        How many it took so far.
+    """
+
+    name: str
+    unit = "frames"
+    goal = 0
+
+    def __init__(self, pipeline: Pipeline) -> None:
+        self.pipeline = pipeline
+        self.batches_ = 0
+
+    def learn(self, image: Image) -> bool:
+        """Learn from one grey image; return whether the stage is complete."""
+        self.batches_ += 1
+        return self._learn(image)
+
+    @abstractmethod
+    def _learn(self, image: Image) -> bool: ...
+
+    def measured(self) -> dict[str, Any]:
+        """Return what there is to tell after the last batch: columns of the metrics."""
+        return {}
+
+    def to_arrays(self) -> Arrays:
+        """Return the state of the stage, without what the pipeline has learned in it."""
+        return {"batches": np.array(self.batches_)}
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on where the stage was."""
+        self.batches_ = int(arrays["batches"])
+
+
+class ThresholdStage(Stage):
+    """Find Otsu's threshold, once."""
+
+    name = "threshold"
+
+    def __init__(self, pipeline: Pipeline) -> None:
+        super().__init__(pipeline)
+        self.goal = pipeline.config.detection.threshold_frames
+
+    def _learn(self, image: Image) -> bool:
+        return self.pipeline.detector.partial_fit(image).is_fitted
+
+
+class _StableStage(Stage):
+    """Train one estimator on the objects of each frame until its output is stable."""
+
+    unit = "batches"
+
+    def __init__(self, pipeline: Pipeline, test: StabilityTest, max_batches: int) -> None:
+        super().__init__(pipeline)
+        self.test = test
+        self.max_batches = max_batches
+
+    def measured(self) -> dict[str, Any]:
+        """Return the value of the stability test at the last batch, once there is one."""
+        return {"stability": self.test.values_[-1]} if self.test.values_ else {}
+
+    def to_arrays(self) -> Arrays:
+        """Return the state of the test as well."""
+        return {**super().to_arrays(), **nest(test=self.test.to_arrays())}
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on where the stage was."""
+        super().from_arrays(arrays)
+        self.test.from_arrays(unnest(arrays, "test"))
+
+
+class PCAStage(_StableStage):
+    """Train PCA on the unique objects of each frame."""
+
+    name = "pca"
+
+    def __init__(self, pipeline: Pipeline, config: StabilityConfig) -> None:
+        test = StabilityTest(
+            output=pipeline.pca.transform,
+            measure=mean_absolute_difference,
+            is_stable=lambda difference: difference < config.max_difference,
+            batches=config.batches,
+        )
+        super().__init__(pipeline, test, config.max_batches)
+
+    def _learn(self, image: Image) -> bool:
+        objects = self.pipeline.detector.detect(image)
+        pca = self.pipeline.pca
+        if len(objects):
+            pca.partial_fit(objects.features)
+        stable = bool(len(objects)) and pca.is_fitted and self.test.update(objects.features)
+        return stable or self.batches_ >= self.max_batches
+
+
+class BirchStage(_StableStage):
+    """Train Birch on all objects of each frame."""
+
+    name = "birch"
+
+    def __init__(self, pipeline: Pipeline, config: StabilityConfig) -> None:
+        test = StabilityTest(
+            output=pipeline.birch.predict,
+            measure=label_agreement,
+            is_stable=lambda agreement: agreement > config.min_agreement,
+            batches=config.batches,
+        )
+        super().__init__(pipeline, test, config.max_batches)
+
+    def _learn(self, image: Image) -> bool:
+        objects = self.pipeline.detector.detect(image)
+        stable = False
+        if len(objects):
+            reduced = self.pipeline.pca.transform(objects.features)
+            self.pipeline.birch.partial_fit(reduced)
+            stable = self.test.update(reduced)
+        return stable or self.batches_ >= self.max_batches
+
+    def measured(self) -> dict[str, Any]:
+        """Return the number of leaves as well."""
+        return {**super().measured(), "leaves": self.pipeline.birch.n_leaves_}
+
+
+class DocumentsStage(Stage):
+    """Gather scenes, then train the embedding on all of them at once."""
+
+    name = "documents"
+    unit = "documents"
+
+    def __init__(self, pipeline: Pipeline) -> None:
+        super().__init__(pipeline)
+        self.goal = pipeline.embedder.documents_needed
+        self.scenes_: list[SceneGraph] = []
+
+    def _learn(self, image: Image) -> bool:
+        self.scenes_.append(self.pipeline.scene(image))
+        if len(self.scenes_) < self.goal:
+            return False
+        self.pipeline.embedder.fit(self.scenes_)
+        return True
+
+    def to_arrays(self) -> Arrays:
+        """Return the gathered scenes; their edges follow from the centres."""
+        parts = {
+            "classes": ([s.classes for s in self.scenes_], np.empty(0, np.int64)),
+            "centres": ([s.centres_px for s in self.scenes_], np.empty((0, 2), np.float32)),
+        }
+        return {
+            **super().to_arrays(),
+            **nest(**{name: ragged_to_arrays(rows, like=like) for name, (rows, like) in parts.items()}),
+        }
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on where the stage was."""
+        super().from_arrays(arrays)
+        classes, centres = (arrays_to_ragged(unnest(arrays, name)) for name in ("classes", "centres"))
+        proximity = self.pipeline.config.scene.proximity_px
+        self.scenes_ = [build_scene_graph(c, p, proximity) for c, p in zip(classes, centres, strict=True)]
+
+
+class Schooling:
+    """All stages that a pipeline's view needs, in order.
+
+    Parameters
+    ----------
+    pipeline
+        Learns in place.
+    config
+        When PCA and Birch are stable.
+    """
+
+    def __init__(self, pipeline: Pipeline, config: StabilityConfig) -> None:
+        self.stages: Sequence[Stage] = _stages(pipeline, pipeline.view, config)
+        self._position = 0
+
+    @property
+    def current(self) -> Stage | None:
+        """The stage that is being learned; None when perception is ready."""
+        return self.stages[self._position] if self._position < len(self.stages) else None
+
+    def learn(self, observation: Observation) -> Stage:
+        """Learn from one observation; return the stage that did."""
+        stage = self.stages[self._position]
+        if stage.learn(to_grey(observation.frame)):
+            self._position += 1
+        return stage
+
+    def to_arrays(self) -> Arrays:
+        """Return which stage it is, and its state."""
+        state = nest(stage=self.current.to_arrays()) if self.current else {}
+        return {"position": np.array(self._position), **state}
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on where the schooling was."""
+        self._position = int(arrays["position"])
+        if self.current:
+            self.current.from_arrays(unnest(arrays, "stage"))
+
+
+def _stages(pipeline: Pipeline, view: View, config: StabilityConfig) -> list[Stage]:
+    if view in ("grey", "ram"):
+        return []
+    stages: list[Stage] = [ThresholdStage(pipeline)]
+    if view in ("classes", "embedding"):
+        stages += [PCAStage(pipeline, config), BirchStage(pipeline, config)]
+    if view == "embedding" and pipeline.embedder.documents_needed:
+        stages.append(DocumentsStage(pipeline))
+    return stages

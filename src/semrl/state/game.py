@@ -1,0 +1,89 @@
+"""One game being played, as a thing that can be saved at any decision and continued elsewhere."""
+
+from typing import Any
+
+import numpy as np
+
+from semrl.arrays import Arrays, array_to_rng, rng_to_array
+from semrl.errors import SemrlError
+from semrl.state.environment import Env
+from semrl.types import Observation, Outcome
+
+
+class Game:
+    """An environment with a seed for every episode and a memory of the actions taken in it.
+
+    A Gymnasium episode is a function of its seed and its actions, so these two are the emulator state
+    that is saved: restoring plays them again (some 2,000 decisions a second for Atari) and compares
+    the frame reached with the one saved. This holds for every environment, needs no opaque bytes, and
+    gives back the screen as well, which an emulator's own snapshot leaves stale until the next step.
+
+    Parameters
+    ----------
+    env
+        As `make_env` returns it.
+    seed
+        Every episode's seed is drawn from a generator of this seed.
+    """
+
+    def __init__(self, env: Env, seed: int) -> None:
+        self.env = env
+        self.n_actions = int(env.action_space.n)  # type: ignore[attr-defined]
+        self._rng = np.random.default_rng(seed)
+        self._episode_seed = 0
+        self._actions: list[int] = []
+        self._frame: Any = None
+
+    def reset(self) -> Observation:
+        """Begin a new episode."""
+        return self._begin(int(self._rng.integers(2**31)))
+
+    def step(self, action: int) -> Outcome:
+        """Take one decision; after the end of an episode call `reset`."""
+        self._actions.append(action)
+        self._frame, reward, terminated, truncated, _ = self.env.step(action)
+        return Outcome(
+            observation=self._observation(), reward=float(reward), terminated=terminated, truncated=truncated
+        )
+
+    def to_arrays(self) -> Arrays:
+        """Return the random generator, this episode's seed and actions, and the last frame."""
+        frame = {} if self._frame is None else {"frame": self._frame}
+        return {
+            "rng": rng_to_array(self._rng),
+            "episode_seed": np.array(self._episode_seed),
+            "actions": np.array(self._actions, dtype=np.int64),
+            **frame,
+        }
+
+    def from_arrays(self, arrays: Arrays) -> Observation | None:
+        """Play the saved episode again up to the saved decision; return what is to be seen there.
+
+        Returns None when no episode had begun.
+
+        Raises
+        ------
+        SemrlError
+            When the environment does not repeat itself, so that the run cannot be continued exactly.
+        """
+        self._rng = array_to_rng(arrays["rng"])
+        if "frame" not in arrays:
+            return None
+        self._begin(int(arrays["episode_seed"]))
+        for action in arrays["actions"]:
+            self.step(int(action))
+        if not np.array_equal(self._frame, arrays["frame"]):
+            raise SemrlError(
+                "the environment did not repeat itself from seed and actions; this run cannot be resumed"
+            )
+        return self._observation()
+
+    def _begin(self, seed: int) -> Observation:
+        self._episode_seed = seed
+        self._actions = []
+        self._frame, _ = self.env.reset(seed=seed)
+        return self._observation()
+
+    def _observation(self) -> Observation:
+        ale = getattr(self.env.unwrapped, "ale", None)
+        return Observation(frame=self._frame, ram=ale.getRAM() if ale is not None else None)

@@ -1,0 +1,205 @@
+"""The one environment loop: perception first, then the agent; observers hang on it."""
+
+from collections.abc import Sequence
+from typing import Any, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.agent import DQN
+from semrl.arrays import Arrays, array_to_rng, nest, rng_to_array, unnest
+from semrl.pipeline import Pipeline
+from semrl.stages import Schooling
+from semrl.state import Game
+from semrl.types import Observation
+
+Row = dict[str, Any]
+"""One line of the metrics: column → value."""
+
+AGENT = "agent"
+"""Name of the phase in which the agent learns; the phases before it are the stages of perception."""
+
+
+class Observer(Protocol):
+    """Something that watches the training: progress, metrics, checkpoints, a person's wish to stop."""
+
+    def on_decision(self, trainer: "Trainer") -> None:
+        """Is called after every decision, when the whole state may be saved."""
+
+    def on_row(self, row: Row) -> None:
+        """Is called with everything that was measured: after each batch of a stage and each episode."""
+
+
+class Trainer:
+    """Plays, lets perception and then the agent learn, and can be saved between any two decisions.
+
+    Parameters
+    ----------
+    game, pipeline, schooling, agent
+        The parts; all learn in place.
+    decisions
+        Budget, perception included.
+    seed
+        Of the random actions taken while perception learns.
+    observers
+        Are told of every decision and row, in order.
+
+    Attributes
+    ----------
+    decisions_ : int
+        Decisions taken so far.
+    returns_ : list of float
+        Returns of the episodes that the agent finished.
+    """
+
+    def __init__(
+        self,
+        game: Game,
+        pipeline: Pipeline,
+        schooling: Schooling,
+        agent: DQN,
+        *,
+        decisions: int,
+        seed: int,
+        observers: Sequence[Observer] = (),
+    ) -> None:
+        self.game = game
+        self.pipeline = pipeline
+        self.schooling = schooling
+        self.agent = agent
+        self.decisions = decisions
+        self.observers = list(observers)
+        self.decisions_ = 0
+        self.returns_: list[float] = []
+        self._rng = np.random.default_rng(seed)
+        self._episode: _Episode | None = None
+
+    @property
+    def perceiving(self) -> bool:
+        """Whether perception is still being learned."""
+        return self.schooling.current is not None
+
+    @property
+    def phase(self) -> str:
+        """Name of what is being learned."""
+        return self.schooling.current.name if self.schooling.current else AGENT
+
+    def run(self) -> None:
+        """Play until the budget is spent."""
+        while self.decisions_ < self.decisions:
+            if self._episode is None:
+                self._episode = self._begin()
+            if self.perceiving:
+                self._perceive(self._episode)
+            else:
+                self._act(self._episode)
+            for observer in self.observers:
+                observer.on_decision(self)
+
+    def to_arrays(self) -> Arrays:
+        """Return the state of everything; `from_arrays` then goes on as if nothing had happened."""
+        parts = {
+            "game": self.game.to_arrays(),
+            "pipeline": self.pipeline.to_arrays(),
+            "schooling": self.schooling.to_arrays(),
+            "agent": self.agent.to_arrays(),
+        }
+        if self._episode is not None:
+            parts["episode"] = self._episode.to_arrays()
+        return {
+            **nest(**parts),
+            "rng": rng_to_array(self._rng),
+            "decisions": np.array(self.decisions_),
+            "returns": np.array(self.returns_),
+        }
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Take over a saved state."""
+        self.pipeline.from_arrays(unnest(arrays, "pipeline"))
+        self.schooling.from_arrays(unnest(arrays, "schooling"))
+        self.agent.from_arrays(unnest(arrays, "agent"))
+        observation = self.game.from_arrays(unnest(arrays, "game"))
+        episode = unnest(arrays, "episode")
+        self._episode = _Episode.from_arrays(observation, episode) if observation and episode else None
+        self._rng = array_to_rng(arrays["rng"])
+        self.decisions_ = int(arrays["decisions"])
+        self.returns_ = arrays["returns"].tolist()
+
+    def _begin(self) -> "_Episode":
+        observation = self.game.reset()
+        encoded = None if self.perceiving else self.pipeline.encode(observation)
+        return _Episode(observation, None if encoded is None else np.stack([encoded, encoded]))
+
+    def _perceive(self, episode: "_Episode") -> None:
+        """Show perception one frame and act at random."""
+        stage = self.schooling.learn(episode.observation)
+        outcome = self.game.step(int(self._rng.integers(self.game.n_actions)))
+        self.decisions_ += 1
+        episode.observation = outcome.observation
+        if outcome.done or not self.perceiving:  # the agent begins with an episode of its own
+            self._episode = None
+        self._tell({"phase": stage.name, "batches": stage.batches_, **stage.measured()})
+
+    def _act(self, episode: "_Episode") -> None:
+        """Let the agent take one decision and learn from what it led to."""
+        assert episode.state is not None
+        action = self.agent.act(episode.state)
+        outcome = self.game.step(action)
+        self.decisions_ += 1
+        self.agent.observe(
+            episode.state[0], action, outcome.reward, terminated=outcome.terminated, start=episode.length == 0
+        )
+        encoded = self.pipeline.encode(outcome.observation)
+        episode.advance(outcome.observation, encoded, outcome.reward)
+        if outcome.done:
+            self.agent.end_episode(encoded)
+            self._finish(episode)
+
+    def _finish(self, episode: "_Episode") -> None:
+        self._episode = None
+        self.returns_.append(episode.total)
+        self._tell({
+            "phase": AGENT,
+            "episode": len(self.returns_),
+            "return": episode.total,
+            "length": episode.length,
+            "exploration": self.agent.exploration,
+            "loss": self.agent.loss_,
+            "updates": self.agent.updates_,
+        })  # fmt: skip
+
+    def _tell(self, row: Row) -> None:
+        position = {"decisions": self.decisions_, "frames": self.decisions_ * self.agent.frame_skip}
+        for observer in self.observers:
+            observer.on_row({**row, **position})
+
+
+class _Episode:
+    """Where the current episode stands."""
+
+    def __init__(self, observation: Observation, state: NDArray[Any] | None) -> None:
+        self.observation = observation
+        self.state = state  # (2, *shape): the encodings of this observation and of the one before
+        self.total = 0.0
+        self.length = 0
+
+    def advance(self, observation: Observation, encoded: NDArray[Any], reward: float) -> None:
+        """Move on by one decision."""
+        assert self.state is not None
+        self.observation = observation
+        self.state = np.stack([encoded, self.state[0]])
+        self.total += reward
+        self.length += 1
+
+    def to_arrays(self) -> Arrays:
+        """Return everything but the observation, which the game keeps."""
+        state = {} if self.state is None else {"state": self.state}
+        return {"total": np.array(self.total), "length": np.array(self.length), **state}
+
+    @classmethod
+    def from_arrays(cls, observation: Observation, arrays: Arrays) -> Self:
+        """Make the episode again."""
+        episode = cls(observation, arrays.get("state"))
+        episode.total = float(arrays["total"])
+        episode.length = int(arrays["length"])
+        return episode
