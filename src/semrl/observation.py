@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from semrl.errors import UsageError
 from semrl.pipeline import Pipeline
 from semrl.runs import load_pipeline
-from semrl.state import IMAGE_SIZE_PX, to_grey
+from semrl.state import to_grey
+from semrl.types import IMAGE_SIZE_PX
 
 
 class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any]):

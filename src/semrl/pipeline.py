@@ -22,8 +22,8 @@ from semrl.embedding import (
 )
 from semrl.protocols import Embedder
 from semrl.reduction import ObjectPCA, PCAConfig
-from semrl.state import IMAGE_SIZE_PX, ram_feature_names, ram_features, to_grey
-from semrl.types import Image, Ints, Objects, Observation, SceneGraph
+from semrl.state import ram_feature_names, ram_features, to_grey
+from semrl.types import IMAGE_SIZE_PX, Image, Ints, Objects, Observation, SceneGraph
 
 View = Literal["grey", "components", "classes", "embedding", "ram"]
 """What is shown to the agent: how far up a frame is elevated."""
@@ -84,9 +84,7 @@ class Pipeline:
         self.pca = ObjectPCA(config.pca)
         self.birch = Birch(config.birch)
         self.embedder: Embedder = (
-            HashedEmbedding(config.hashed)
-            if config.embedding == "hashed"
-            else Doc2VecEmbedding(config.doc2vec)
+            HashedEmbedding(config.hashed) if config.embedding == "hashed" else Doc2VecEmbedding(config.doc2vec)
         )
         if view == "ram":
             self.shape: tuple[int, ...] = (len(ram_feature_names(self.rom)),)
@@ -115,11 +113,7 @@ class Pipeline:
 
     def classes(self, objects: Objects) -> Ints:
         """Return the class number of each object (§3.2.2)."""
-        return (
-            self.birch.predict(self.pca.transform(objects.features))
-            if len(objects)
-            else np.empty(0, np.int64)
-        )
+        return self.birch.predict(self.pca.transform(objects.features)) if len(objects) else np.empty(0, np.int64)
 
     def class_image(self, objects: Objects) -> Image:
         """Draw every object in the grey level of its class."""

@@ -171,14 +171,9 @@ class DocumentsStage(Stage):
 
     def to_arrays(self) -> Arrays:
         """Return the gathered scenes; their edges follow from the centres."""
-        parts = {
-            "classes": ([s.classes for s in self.scenes_], np.empty(0, np.int64)),
-            "centres": ([s.centres_px for s in self.scenes_], np.empty((0, 2), np.float32)),
-        }
-        return {
-            **super().to_arrays(),
-            **nest(**{name: ragged_to_arrays(rows, like=like) for name, (rows, like) in parts.items()}),
-        }
+        classes = ragged_to_arrays([s.classes for s in self.scenes_], like=np.empty(0, np.int64))
+        centres = ragged_to_arrays([s.centres_px for s in self.scenes_], like=np.empty((0, 2), np.float32))
+        return {**super().to_arrays(), **nest(classes=classes, centres=centres)}
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Go on where the stage was."""

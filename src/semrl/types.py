@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 Frame = NDArray[np.uint8]
 """An RGB image, ``(height, width, 3)``."""
 
+IMAGE_SIZE_PX = 84
+"""Edge of the preprocessed image (§3.2.1)."""
+
 Image = NDArray[np.uint8]
 """A preprocessed grey or labelled image, ``(84, 84)``."""
 

@@ -27,6 +27,8 @@ class DQNConfig:
     """Probability of a random action at the end; the decay is exponential."""
     exploration_hold: int = 1
     """A random action is held for 1 to so many decisions (Dabney et al. 2021); 1: each is drawn anew."""
+    temperature: float = 0.0
+    """Actions are drawn with probability exp(value / temperature): where values tie, chance decides; 0: greedy."""
     learning_rate: float = 1e-4
     """Step size of Adam."""
     adam_beta1: float = 0.99
@@ -125,7 +127,11 @@ class DQN:
         if self._held_decisions:
             self._held_decisions -= 1
             return self._held_action
-        return self.best_action(state)
+        values = self.action_values(state[None])[0]
+        if self.config.temperature:
+            # Gumbel's trick: the largest of the noisy values is drawn with the softmax probabilities.
+            values = values / self.config.temperature + self._rng.gumbel(size=self.n_actions)
+        return int(values.argmax())
 
     def best_action(self, state: NDArray[Any]) -> int:
         """Return the action of the highest value in a state, ``(2, *shape)``."""
@@ -136,9 +142,7 @@ class DQN:
         with torch.inference_mode():
             return np.asarray(self.network(torch.from_numpy(states)).numpy(), dtype=np.float32)
 
-    def observe(
-        self, observation: NDArray[Any], action: int, reward: float, *, terminated: bool, start: bool
-    ) -> None:
+    def observe(self, observation: NDArray[Any], action: int, reward: float, *, terminated: bool, start: bool) -> None:
         """Remember one decision and, when it is time, learn."""
         c = self.config
         reward = float(np.sign(reward)) if c.clip_rewards else reward
@@ -150,9 +154,7 @@ class DQN:
                 network[0].fit(states)  # type: ignore[operator]
         if self.decisions_ >= c.initial_buffer and self.decisions_ % c.decisions_per_update == 0:
             for _ in range(c.updates):
-                self.update(
-                    self.replay.sample(self._rng, c.batch_size, n_steps=c.n_steps, discount=c.discount)
-                )
+                self.update(self.replay.sample(self._rng, c.batch_size, n_steps=c.n_steps, discount=c.discount))
 
     def end_episode(self, observation: NDArray[Any]) -> None:
         """Remember the last observation of an episode."""
@@ -172,10 +174,11 @@ class DQN:
         self.loss_ = float(loss.detach())
         if not np.isfinite(self.loss_):
             raise SemrlError(
-                f"the loss is {self.loss_} after {self.updates_} updates: learning has diverged; try a smaller --agent.learning-rate"
+                f"the loss is {self.loss_} after {self.updates_} updates: learning has diverged; "
+                "try a smaller --agent.learning-rate"
             )
         self.optimiser.zero_grad(set_to_none=True)
-        loss.backward()
+        loss.backward()  # type: ignore[no-untyped-call]
         if self.config.max_gradient_norm:
             torch.nn.utils.clip_grad_norm_(self.network.parameters(), self.config.max_gradient_norm)
         self.optimiser.step()
@@ -232,9 +235,7 @@ class DQN:
 
     def _optimiser_arrays(self) -> Arrays:
         state = self.optimiser.state_dict()["state"]
-        return {
-            f"{i}/{name}": value.numpy() for i, moments in state.items() for name, value in moments.items()
-        }
+        return {f"{i}/{name}": value.numpy() for i, moments in state.items() for name, value in moments.items()}
 
     def _load_optimiser(self, arrays: Arrays) -> None:
         whole = self.optimiser.state_dict()

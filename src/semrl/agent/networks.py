@@ -28,6 +28,8 @@ class StateInput(nn.Module):
         super().__init__()
         self.unit = 1 / 255 if is_image else 1.0
         size = () if is_image else (2, *shape)
+        self.mean: Tensor
+        self.scale: Tensor
         self.register_buffer("mean", torch.zeros(size))
         self.register_buffer("scale", torch.ones(size))
 
@@ -37,9 +39,7 @@ class StateInput(nn.Module):
         self.mean.copy_(x.mean(dim=0))
         deviation = x.std(dim=0)
         # What never varied in the sample keeps its unit: dividing by almost nothing would blow it up later.
-        self.scale.copy_(
-            torch.where(deviation > 1e-6, 1 / deviation.clamp_min(1e-6), torch.ones_like(deviation))
-        )
+        self.scale.copy_(torch.where(deviation > 1e-6, 1 / deviation.clamp_min(1e-6), torch.ones_like(deviation)))
 
     def forward(self, states: Tensor) -> Tensor:
         """Map ``(b, 2, *shape)`` of bytes or floats to ``(b, 2, *shape)`` float32."""
@@ -50,9 +50,7 @@ class StateInput(nn.Module):
         return torch.stack([x[:, 0], x[:, 0] - x[:, 1]], dim=1)
 
 
-def build_network(
-    shape: tuple[int, ...], n_actions: int, config: NetworkConfig, *, seed: int
-) -> nn.Sequential:
+def build_network(shape: tuple[int, ...], n_actions: int, config: NetworkConfig, *, seed: int) -> nn.Sequential:
     """Make the Q-network for observations of a shape.
 
     Parameters

@@ -62,9 +62,7 @@ class ReplayBuffer:
     def __len__(self) -> int:
         return min(self._count, self.capacity)
 
-    def add(
-        self, observation: NDArray[Any], action: int, reward: float, *, terminated: bool, start: bool
-    ) -> None:
+    def add(self, observation: NDArray[Any], action: int, reward: float, *, terminated: bool, start: bool) -> None:
         """Store an observation and what followed it; ``start`` marks the first of an episode."""
         i = self._count % self.capacity
         self._observations[i] = observation

@@ -192,9 +192,7 @@ class MazeHierarchy:
 
     def __init__(self, config: MazeHierarchyConfig) -> None:
         self.config = config
-        shared = QLearningConfig(
-            learning_rate=config.learning_rate, discount=1.0, exploration=config.exploration
-        )
+        shared = QLearningConfig(learning_rate=config.learning_rate, discount=1.0, exploration=config.exploration)
         self.completion_ = QLearning(shared, n_states=N_ROOMS, n_actions=N_EXITS)
         self.subtask_ = QLearning(shared, n_states=N_EXITS * ROOM_TILES, n_actions=N_MOVES)
 

@@ -13,10 +13,8 @@ from semrl.errors import UsageError
 Arguments = TypeVar("Arguments")
 
 
-def parse(
-    kind: type[Arguments], argv: Sequence[str], *, command: str, default: Arguments | None = None
-) -> Arguments:
-    """Parse the arguments of one command into its dataclass.
+def parse(kind: type[Arguments], argv: Sequence[str], *, command: str, default: Arguments | None = None) -> Arguments:
+    """Parse the arguments of one command into its dataclass, from a default instance if there is one.
 
     Raises
     ------
@@ -30,7 +28,7 @@ def parse(
                 kind,
                 args=list(argv),
                 prog=f"semrl {command}",
-                default=default,
+                default=tyro.MISSING_NONPROP if default is None else default,
                 config=(tyro.conf.FlagCreatePairsOff, tyro.conf.HelptextFromCommentsOff),
             )
     except SystemExit as leave:

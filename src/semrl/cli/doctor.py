@@ -32,9 +32,7 @@ def main(argv: Sequence[str]) -> None:
         return
     table = Table("package", "installed", "needed", "for", box=None, padding=(0, 2, 0, 0))
     for row in rows:
-        table.add_row(
-            *(str(row[key] or "[red]missing[/]") for key in ("package", "installed", "needed", "for"))
-        )
+        table.add_row(*(str(row[key] or "[red]missing[/]") for key in ("package", "installed", "needed", "for")))
     console.print(
         f"Python {machine['python']} on {machine['system']}, {machine['cores']} cores; runs use one thread each"
     )

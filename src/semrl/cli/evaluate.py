@@ -5,12 +5,12 @@ import json as json_format
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import tyro
 
 from semrl.cli.arguments import parse
-from semrl.cli.progress import console, error_console, progress_bars, summary
+from semrl.cli.progress import console, progress_bars, summary
 from semrl.errors import UsageError
 from semrl.runs import RunFolder, evaluate
 from semrl.runs.recording import recorder
@@ -49,9 +49,7 @@ def main(argv: Sequence[str]) -> None:
             returns.append(total)
             bars.update(task, advance=1, note=f"mean return {sum(returns) / len(returns):.1f}")
 
-        result = evaluate(
-            arguments.run, episodes=episodes, seed=arguments.seed, on_episode=on_episode, on_step=record
-        )
+        result = evaluate(arguments.run, episodes=episodes, seed=arguments.seed, on_episode=on_episode, on_step=record)
     if arguments.json:
         print(json_format.dumps(dataclasses.asdict(result)))
         return

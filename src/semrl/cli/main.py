@@ -1,45 +1,22 @@
 """Choosing a command, and turning every foreseen failure into one line and an exit status."""
 
 import difflib
+import importlib
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from types import ModuleType
 
+from semrl import __version__
 from semrl.errors import SemrlError, UsageError
 
-Command = Callable[[Sequence[str]], None]
-
-
-def _train(argv: Sequence[str]) -> None:
-    from semrl.cli.train import main
-
-    main(argv)
-
-
-def _eval(argv: Sequence[str]) -> None:
-    from semrl.cli.evaluate import main
-
-    main(argv)
-
-
-def _report(argv: Sequence[str]) -> None:
-    from semrl.cli.report import main
-
-    main(argv)
-
-
-def _doctor(argv: Sequence[str]) -> None:
-    from semrl.cli.doctor import main
-
-    main(argv)
-
-
-COMMANDS: dict[str, tuple[Command, str]] = {
-    "train": (_train, "learn to see, then to play; resumable"),
-    "eval": (_eval, "play with a trained run, with a video on request"),
-    "report": (_report, "one self-contained HTML page about one or more runs"),
-    "doctor": (_doctor, "versions, threads, what is missing and how to get it"),
+COMMANDS = {
+    "train": ("train", "learn to see, then to play; resumable"),
+    "eval": ("evaluate", "play with a trained run, with a video on request"),
+    "report": ("report", "one self-contained HTML page about one or more runs"),
+    "doctor": ("doctor", "versions, threads, what is missing and how to get it"),
 }
+"""Command → module of this package and what it does. Modules are imported when called: torch is slow to load."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -49,12 +26,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(_help())
         return 0
     if argv[0] == "--version":
-        from semrl import __version__
-
         print(f"semrl {__version__}")
         return 0
+    return _run(argv[0], argv[1:])
+
+
+def _run(command: str, argv: Sequence[str]) -> int:
     try:
-        _command(argv[0])(argv[1:])
+        _module(command).main(argv)
     except UsageError as error:
         return _complain(error, 2)
     except SemrlError as error:
@@ -67,12 +46,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _command(name: str) -> Command:
-    if name not in COMMANDS:
-        close = difflib.get_close_matches(name, COMMANDS, n=1)
+def _module(command: str) -> ModuleType:
+    if command not in COMMANDS:
+        close = difflib.get_close_matches(command, COMMANDS, n=1)
         hint = f"; did you mean '{close[0]}'?" if close else f"; there are {', '.join(COMMANDS)}"
-        raise UsageError(f"unknown command '{name}'{hint}")
-    return COMMANDS[name][0]
+        raise UsageError(f"unknown command '{command}'{hint}")
+    return importlib.import_module(f"semrl.cli.{COMMANDS[command][0]}")
 
 
 def _complain(problem: object, status: int) -> int:

@@ -13,6 +13,7 @@ from rich.progress import (
     Progress,
     ProgressColumn,
     Task,
+    TaskID,
     TextColumn,
     TimeRemainingColumn,
 )
@@ -56,13 +57,11 @@ class TrainingProgress:
         self.config = config
         self.path = path
         self._bars = progress_bars()
-        self._tasks: dict[str, int] = {}
+        self._tasks: dict[str, TaskID] = {}
         self._shown_at = 0.0
 
     def __enter__(self) -> Self:
-        error_console.print(
-            f"[bold]{self.config.model}[/] on {self.config.env}, seed {self.config.seed} → {self.path}"
-        )
+        error_console.print(f"[bold]{self.config.model}[/] on {self.config.env}, seed {self.config.seed} → {self.path}")
         self._bars.start()
         return self
 
@@ -73,10 +72,7 @@ class TrainingProgress:
 
     def on_decision(self, trainer: Trainer) -> None:
         """Move the agent's bar, a few times a second."""
-        if (
-            trainer.perceiving
-            or time.monotonic() - self._shown_at < 0.2 < trainer.decisions - trainer.decisions_
-        ):
+        if trainer.perceiving or time.monotonic() - self._shown_at < 0.2 < trainer.decisions - trainer.decisions_:
             return
         self._shown_at = time.monotonic()
         task = self._task(AGENT, trainer.decisions, trainer.decisions_)
@@ -94,7 +90,7 @@ class TrainingProgress:
         note += f", {row['leaves']} kinds before merging" if "leaves" in row else ""
         self._bars.update(task, completed=row["batches"], note=note)
 
-    def _task(self, phase: str, total: int | None, done: int) -> int:
+    def _task(self, phase: str, total: int | None, done: int) -> TaskID:
         if phase not in self._tasks:
             for task in self._bars.tasks:  # the phases before it are complete
                 self._bars.update(task.id, total=task.completed)

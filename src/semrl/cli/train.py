@@ -99,9 +99,7 @@ def _checked_resume(arguments: TrainArguments, argv: Sequence[str]) -> Path:
     if arguments.run is None:
         raise UsageError("--resume needs --run: the folder to go on with")
     allowed = {"--run", "--resume", "--json", "--tensorboard"}
-    others = [
-        word.split("=")[0] for word in argv if word.startswith("--") and word.split("=")[0] not in allowed
-    ]
+    others = [word.split("=")[0] for word in argv if word.startswith("--") and word.split("=")[0] not in allowed]
     if others:
         raise UsageError(f"a resumed run keeps its settings; leave out {', '.join(others)}")
     return arguments.run

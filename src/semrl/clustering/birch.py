@@ -1,4 +1,4 @@
-"""Birch: the leaves of a CF tree, joined to at most so many classes whose numbers stay what they are (§3.2.2)."""
+"""Birch: the leaves of a CF tree, joined to a few classes whose numbers stay what they are (§3.2.2)."""
 
 from dataclasses import dataclass
 from typing import Any, Self
@@ -39,9 +39,7 @@ class BirchConfig:
 
     def __post_init__(self) -> None:
         if not 1 <= self.max_classes <= self.max_leaves:
-            raise UsageError(
-                f"max_classes ({self.max_classes}) must be between 1 and max_leaves ({self.max_leaves})"
-            )
+            raise UsageError(f"max_classes ({self.max_classes}) must be between 1 and max_leaves ({self.max_leaves})")
         self.tree()
 
     def tree(self) -> CFTreeConfig:
@@ -54,11 +52,11 @@ class BirchConfig:
 class Birch:
     """Classes of objects, learned batch by batch (Zhang, Ramakrishnan & Livny, SIGMOD 1996; §3.2.2).
 
-    Each leaf of the `CFTree` is a class as long as there are at most ``max_classes`` of them; then the leaf means
-    are joined by Ward linkage, unweighted as in scikit-learn. This global step runs at the end of a batch that
-    changed the set of leaves, and at no other time, so `predict` learns nothing and the classes depend on the
-    batches alone. New clusters take over the numbers of the classes with which they share most rows, all pairs
-    at once (Hungarian assignment); a cluster that shares none gets the lowest free number.
+    Each leaf of the `CFTree` is a class as long as there are at most ``max_classes`` of them; then the leaf
+    means are joined by Ward linkage, unweighted as in scikit-learn. This global step runs at the end of a
+    batch that changed the set of leaves, and at no other time, so `predict` learns nothing and the classes
+    depend on the batches alone. New clusters take over the numbers of the classes with which they share most
+    rows, all pairs at once (Hungarian assignment); one that shares none gets the lowest free number.
 
     Parameters
     ----------

@@ -43,16 +43,23 @@ def squared_distance(A: NDArray[np.float64], i: int, B: NDArray[np.float64], j: 
 @compiled_sum
 def bounded_distance(A: NDArray[np.float64], i: int, B: NDArray[np.float64], j: int, bound: float) -> float:
     """Return ``|A[i] - B[j]|²``, or a partial sum of it that is already above `bound`."""
-    total = 0.0
-    for start in range(0, A.shape[1], CHUNK):
-        a, b = A[i, start : start + CHUNK], B[j, start : start + CHUNK]
+    a, b = A[i], B[j]
+    dimension = len(a)
+    if dimension <= CHUNK:
+        return squared_distance(A, i, B, j)
+    total, start = 0.0, 0
+    while start + CHUNK <= dimension:
         part = 0.0
-        for k in range(len(a)):
-            difference = a[k] - b[k]
+        for k in range(CHUNK):
+            difference = a[start + k] - b[start + k]
             part += difference * difference
         total += part
+        start += CHUNK
         if total > bound:
-            break
+            return total
+    for k in range(start, dimension):
+        difference = a[k] - b[k]
+        total += difference * difference
     return total
 
 

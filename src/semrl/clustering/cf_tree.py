@@ -56,8 +56,8 @@ class CFTree:
     """The leaves of BIRCH, learned row by row over BETULA's cluster features.
 
     A row goes down to the child with the nearest mean. At the bottom it joins the nearest leaf when the
-    merged radius stays within the threshold, else it founds a new leaf; a node with too many children is split
-    between its two farthest ones. (Zhang, Ramakrishnan & Livny, "BIRCH", SIGMOD 1996; Lang & Schubert,
+    merged radius stays within the threshold, else it founds a new leaf; a node with too many children is
+    split between its two farthest ones. (Zhang, Ramakrishnan & Livny, "BIRCH", SIGMOD 1996; Lang & Schubert,
     "BETULA: Numerically Stable CF-Trees for BIRCH Clustering", SISAP 2020.)
 
     A leaf gets an integer id when it is founded. Ids ascend, never change and are never used again. With more
@@ -250,9 +250,7 @@ class CFTree:
         threshold = max(float(np.median(sibling_radii(old))), LEAST_GROWTH * self.threshold_, 1 / LARGEST)
         self._store = self._new_store(self.n_features_in_, threshold)
         leaves = Features(old.leaves.means[:n], old.leaves.counts[:n], old.leaves.deviations[:n])
-        places = np.empty(
-            n, np.int64
-        )  # rows of the new tree, which are its ids as long as we do not set them
+        places = np.empty(n, np.int64)  # rows of the new tree, which are its ids as long as we do not set them
         self._insert_rows(leaves, 0, NO_LIMIT, places)
         survivors = old.leaf_ids[np.unique(places, return_index=True)[1]]
         self._store.leaf_ids[: len(survivors)] = survivors

@@ -1,7 +1,7 @@
 """How good a clustering is: validation indices of §2.3.2 and §4.1.2, as pure functions.
 
 Points are rows, distances are Euclidean, in units of the data. The averages carry the factor 1/(2|N|) as the
-thesis prints it, N being the points concerned; they are therefore sums over pairs for each two points, not means.
+thesis prints it, where we read N as the points concerned; so those over pairs grow with the number of points.
 """
 
 from collections.abc import Callable, Iterator

@@ -36,10 +36,11 @@ def cut_components(image: Image, labels: NDArray[np.int32], boxes_px: Ints, limi
     limit_px
         Largest height and width of an object.
     """
-    rows, cols = np.nonzero(labels)
-    owner = labels[rows, cols] - 1  # (p,) the component of each foreground pixel
-    owner, boxes_px = _split(owner, cols, boxes_px[:, 1], boxes_px[:, 3], limit_px, rows, cols)
-    owner, boxes_px = _split(owner, rows, boxes_px[:, 0], boxes_px[:, 2], limit_px, rows, cols)
+    pixels = np.stack(np.nonzero(labels))  # (2, p): row and column of each foreground pixel
+    rows, cols = pixels
+    owner = labels[rows, cols].astype(np.int64) - 1  # (p,) the component of each of them
+    for axis in (1, 0):
+        owner, boxes_px = _split(owner, boxes_px, pixels, axis, limit_px)
     top, left, height, width = boxes_px.T
     crops = np.zeros((len(boxes_px), limit_px, limit_px), dtype=np.float32)
     # An odd gap leaves the object half a pixel up and left of the window's middle.
@@ -52,21 +53,17 @@ def cut_components(image: Image, labels: NDArray[np.int32], boxes_px: Ints, limi
     return Objects(crops=crops, centres_px=centres.astype(np.float32), boxes_px=boxes_px, labels=pieces)
 
 
-def _split(
-    owner: Ints, along: Ints, start: Ints, length: Ints, limit_px: int, rows: Ints, cols: Ints
-) -> tuple[Ints, Ints]:
+def _split(owner: Ints, boxes_px: Ints, pixels: Ints, axis: int, limit_px: int) -> tuple[Ints, Ints]:
     """Split every object along one axis; return each pixel's new owner and the new objects' tight boxes."""
+    start, length = boxes_px[:, axis], boxes_px[:, axis + 2]
     parts = np.array([n_parts(size, limit_px) for size in length.tolist()], dtype=np.int64)
     first = np.cumsum(parts) - parts  # number of each object's first piece
-    piece = first[owner] + (along - start[owner]) * parts[owner] // length[owner]
+    piece = first[owner] + (pixels[axis] - start[owner]) * parts[owner] // length[owner]
     # Inside an object of several arms a piece may be empty: number only those with pixels.
     found, owner = np.unique(piece, return_inverse=True)
-    boxes = np.empty((len(found), 4), dtype=np.int64)
-    for axis, position in enumerate((rows, cols)):
-        low = np.full(len(found), np.iinfo(np.int64).max)
-        high = np.full(len(found), -1)
-        np.minimum.at(low, owner, position)
-        np.maximum.at(high, owner, position)
-        boxes[:, axis] = low
-        boxes[:, axis + 2] = high - low + 1
-    return owner, boxes
+    low = np.full((2, len(found)), np.iinfo(np.int64).max)
+    high = np.full((2, len(found)), -1)
+    for i in range(2):
+        np.minimum.at(low[i], owner, pixels[i])
+        np.maximum.at(high[i], owner, pixels[i])
+    return owner, np.concatenate([low, high - low + 1]).T

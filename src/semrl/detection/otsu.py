@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from semrl.arrays import Arrays
 from semrl.detection.cutting import cut_components
 from semrl.errors import DataError
-from semrl.state.preprocessing import IMAGE_SIZE_PX
-from semrl.types import Image, Ints, Objects
+from semrl.types import IMAGE_SIZE_PX, Image, Ints, Objects
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -65,9 +65,7 @@ class Doc2VecConfig:
         if not self.learning_rate > 0 or not self.down_sampling >= 0 or self.negative < 0:
             raise UsageError("learning_rate must be above 0, down_sampling and negative must not be below 0")
         if not self.hierarchical_softmax and self.negative < 1:
-            raise UsageError(
-                "doc2vec learns by hierarchical_softmax, by negative sampling or by both, not by neither"
-            )
+            raise UsageError("doc2vec learns by hierarchical_softmax, by negative sampling or by both, not by neither")
         if not 0 <= self.seed < 1 << 32:
             raise UsageError(f"seed must lie between 0 and 2^32 - 1, not {self.seed}")
 
@@ -131,7 +129,7 @@ class Doc2VecEmbedding:
         DataError
             If fewer than two words occur often enough.
         """
-        from gensim.models.doc2vec import TaggedDocument  # noqa: PLC0415 - an extra
+        from gensim.models.doc2vec import TaggedDocument
 
         texts = [TaggedDocument(document(graph, self.config.words), [i]) for i, graph in enumerate(graphs)]
         model = self._new_model()
@@ -139,9 +137,7 @@ class Doc2VecEmbedding:
             model.scan_vocab(texts)
             model.prepare_vocab()
         if len(model.wv) < 2:  # gensim's Huffman tree needs two leaves
-            raise DataError(
-                f"doc2vec needs two words that occur {self.config.min_count} times in {len(texts)} scenes"
-            )
+            raise DataError(f"doc2vec needs two words that occur {self.config.min_count} times in {len(texts)} scenes")
         model.prepare_weights()
         model.train(texts, total_examples=len(texts), epochs=self.config.epochs)
         self.model_ = model
@@ -165,8 +161,8 @@ class Doc2VecEmbedding:
         UsageError
             If nothing was learned yet.
         """
-        from gensim.models import doc2vec  # noqa: PLC0415 - an extra
-        from gensim.models.keyedvectors import pseudorandom_weak_vector  # noqa: PLC0415
+        from gensim.models import doc2vec
+        from gensim.models.keyedvectors import pseudorandom_weak_vector
 
         model = self._fitted()
         words = document(graph, self.config.words)
@@ -220,7 +216,7 @@ class Doc2VecEmbedding:
         self.model_ = model
 
     def _new_model(self) -> Any:
-        from gensim.models.doc2vec import Doc2Vec  # noqa: PLC0415 - an extra
+        from gensim.models.doc2vec import Doc2Vec
 
         config = self.config
         return Doc2Vec(

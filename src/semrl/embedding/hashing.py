@@ -93,9 +93,7 @@ class HashedEmbedding:
         ndarray
             ``(dimension,)`` float32; zeros for a scene without objects.
         """
-        counts = np.bincount(
-            np.frombuffer(b"".join(self._slots(graph)), dtype=np.int64), minlength=2 * self.dimension
-        )
+        counts = np.bincount(np.frombuffer(b"".join(self._slots(graph)), dtype=np.int64), minlength=2 * self.dimension)
         signed = counts[: self.dimension] - counts[self.dimension :]  # (dimension,) int64
         return signed.astype(np.float32) * self._scale
 

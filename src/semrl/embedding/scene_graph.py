@@ -74,9 +74,7 @@ def _checked(classes: NDArray[Any], centres_px: NDArray[Any]) -> tuple[Ints, NDA
     if classes.ndim != 1 or not np.issubdtype(classes.dtype, np.integer):
         raise DataError(f"classes must be (n,) integers, not {classes.shape} {classes.dtype}")
     if centres_px.shape != (len(classes), 2):
-        raise DataError(
-            f"each object needs a class and a centre: {classes.shape} classes, {centres_px.shape} centres"
-        )
+        raise DataError(f"each object needs a class and a centre: {classes.shape} classes, {centres_px.shape} centres")
     centres = np.array(centres_px, dtype=np.float32)
     if not np.isfinite(centres).all():
         row = int(np.flatnonzero(~np.isfinite(centres).all(axis=1))[0])
@@ -89,9 +87,7 @@ def _candidates(places: NDArray[np.float64], proximity_px: float) -> tuple[Ints,
     if len(places) <= _ALL_PAIRS_UP_TO:
         return _all_pairs(len(places))
     # A hair wider than asked: the caller applies the one exact comparison to both kinds of candidates.
-    pairs = cKDTree(places).query_pairs(
-        np.nextafter(proximity_px, np.inf) * (1 + 1e-9), output_type="ndarray"
-    )
+    pairs = cKDTree(places).query_pairs(np.nextafter(proximity_px, np.inf) * (1 + 1e-9), output_type="ndarray")
     pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]  # (k, 2)
     return pairs[:, 0], pairs[:, 1]
 

@@ -110,7 +110,7 @@ def from_dict(values: Mapping[str, Any], *, source: str) -> RunConfig:
     """
     _check_keys(values, to_dict(RunConfig()), source)
     try:
-        return cast(RunConfig, msgspec.convert(values, RunConfig))
+        return msgspec.convert(values, RunConfig)
     except (msgspec.ValidationError, ValueError) as error:
         raise UsageError(f"{source}: {error}") from None
 

@@ -18,7 +18,6 @@ from semrl.runs.session import build_trainer, limited_threads
 from semrl.state import Game, action_meanings, make_env
 from semrl.types import Observation
 
-
 EVALUATION_SEED = 1_000_000
 """Added to a run's seed for its evaluation."""
 
@@ -125,9 +124,7 @@ def evaluate(
         returns=returns,
     )
     provenance = {"decisions": player.decisions, "seed": seed, **asdict(player.config.evaluation)}
-    write_text(
-        Path(run) / "evaluation.json", json.dumps(asdict(result) | {"with": provenance}, indent=2) + "\n"
-    )
+    write_text(Path(run) / "evaluation.json", json.dumps(asdict(result) | {"with": provenance}, indent=2) + "\n")
     return result
 
 

@@ -42,7 +42,7 @@ def write_arrays(path: Path, arrays: Arrays) -> None:
 
     The archive keeps a checksum of every array, so damage is found when it is read.
     """
-    write_atomic(path, lambda file: np.savez(file, allow_pickle=False, **arrays))  # type: ignore[arg-type]
+    write_atomic(path, lambda file: np.savez(file, allow_pickle=False, **arrays))
 
 
 def read_arrays(path: Path, *, prefixes: tuple[str, ...] = ("",)) -> Arrays:

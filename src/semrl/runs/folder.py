@@ -9,7 +9,6 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Self
 
-
 from semrl.arrays import Arrays, array_to_json, json_to_array
 from semrl.errors import SemrlError, UsageError
 from semrl.runs.config import RunConfig, from_dict, read_toml, write_toml
@@ -74,9 +73,7 @@ class RunFolder:
         if not path.is_dir():
             raise UsageError(f"there is no run at {path}")
         if not (path / "config.toml").is_file() or not folder.manifest_path.is_file():
-            raise UsageError(
-                f"{path} is not a run, or only half of one: config.toml or manifest.json is missing"
-            )
+            raise UsageError(f"{path} is not a run, or only half of one: config.toml or manifest.json is missing")
         written = folder.manifest().get("format")
         if written != FORMAT:
             raise UsageError(f"{path} has format {written}; this semrl reads format {FORMAT}")

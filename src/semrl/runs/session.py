@@ -85,9 +85,7 @@ def build_trainer(config: RunConfig, observers: Sequence[Observer] = ()) -> Trai
         seed=seeds[1],
     )
     schooling = Schooling(pipeline, config.stability)
-    return Trainer(
-        game, pipeline, schooling, agent, decisions=config.decisions, seed=seeds[2], observers=observers
-    )
+    return Trainer(game, pipeline, schooling, agent, decisions=config.decisions, seed=seeds[2], observers=observers)
 
 
 @contextlib.contextmanager

@@ -2,11 +2,10 @@
 
 from semrl.state.environment import EnvironmentConfig, action_meanings, make_env, rom_name
 from semrl.state.game import Game
-from semrl.state.preprocessing import IMAGE_SIZE_PX, to_grey
+from semrl.state.preprocessing import to_grey
 from semrl.state.ram import ram_feature_names, ram_features
 
 __all__ = [
-    "IMAGE_SIZE_PX",
     "EnvironmentConfig",
     "Game",
     "action_meanings",

@@ -57,9 +57,7 @@ class NoopStart(gym.Wrapper[Any, Any, Any, Any]):
         self.max_noops = max_noops
         self.noop = action_meanings(env).index("NOOP")
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Any, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Reset and wait; the number of no-ops follows from the seed."""
         observation, info = self.env.reset(seed=seed, options=options)
         for _ in range(int(self.np_random.integers(self.max_noops + 1))):
@@ -138,10 +136,7 @@ def _make_base(env_id: str, config: EnvironmentConfig) -> Env:
 def _check_spaces(env_id: str, env: Env) -> None:
     space = env.observation_space
     if not (
-        isinstance(space, gym.spaces.Box)
-        and space.dtype == np.uint8
-        and len(space.shape) == 3
-        and space.shape[2] == 3
+        isinstance(space, gym.spaces.Box) and space.dtype == np.uint8 and len(space.shape) == 3 and space.shape[2] == 3
     ):
         raise UsageError(f"{env_id} shows {space}, not RGB frames (height, width, 3) of uint8")
     if not isinstance(env.action_space, gym.spaces.Discrete):

@@ -73,9 +73,7 @@ class Game:
         for action in arrays["actions"]:
             self.step(int(action))
         if not np.array_equal(self._frame, arrays["frame"]):
-            raise SemrlError(
-                "the environment did not repeat itself from seed and actions; this run cannot be resumed"
-            )
+            raise SemrlError("the environment did not repeat itself from seed and actions; this run cannot be resumed")
         return self._observation()
 
     def _begin(self, seed: int) -> Observation:

@@ -40,9 +40,7 @@ def ram_feature_names(game: str) -> tuple[str, ...]:
     """
     if game not in GAMES:
         known = ", ".join(sorted(GAMES))
-        raise UsageError(
-            f"the RAM of '{game}' is not mapped (known: {known}); choose a model that sees pixels"
-        )
+        raise UsageError(f"the RAM of '{game}' is not mapped (known: {known}); choose a model that sees pixels")
     return tuple(GAMES[game].ram_addresses)
 
 

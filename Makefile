@@ -1,0 +1,46 @@
+# Everything runs in .venv; `make` alone says what there is.
+PYTHON ?= python3
+BIN := .venv/bin
+RUN ?= runs/demo
+export OMP_NUM_THREADS ?= 1
+
+.DEFAULT_GOAL := help
+.PHONY: help install demo test test-slow check format bench clean
+
+help:  ## say what there is
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 14
+
+install: .venv/.installed  ## make .venv with everything in it
+
+.venv/.installed: pyproject.toml constraints.txt
+	test -d .venv || $(PYTHON) -m venv .venv
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,thesis,sb3,tensorboard]'
+	touch $@
+
+demo: install  ## train on Pong for a few minutes, evaluate, write a report
+	@if [ -e $(RUN) ]; then $(BIN)/semrl train --run $(RUN) --resume; else $(BIN)/semrl train --run $(RUN); fi
+	@$(BIN)/semrl eval $(RUN) --video $(RUN)/video.mp4
+	@$(BIN)/semrl report $(RUN)
+
+test: install  ## the test suite, a few minutes
+	$(BIN)/pytest -q -n 2
+
+test-slow: install  ## the long tests as well: twenty kills, learning on the real game
+	$(BIN)/pytest -q -n 2 -m 'slow or not slow'
+
+check: install  ## format, lint, types, import layers
+	$(BIN)/ruff format --check src tests benchmarks examples
+	$(BIN)/ruff check src tests benchmarks examples
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: install  ## put the code in shape
+	$(BIN)/ruff format src tests benchmarks examples
+	$(BIN)/ruff check --fix src tests benchmarks examples
+
+bench: install  ## time every stage, and the training of every model
+	$(BIN)/python benchmarks/stages.py
+	$(BIN)/python benchmarks/training.py
+
+clean:  ## remove what is made again
+	rm -rf .venv build src/*.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
