@@ -49,6 +49,8 @@ class DQNConfig:
     """Decisions between two rounds of updates."""
     updates: int = 1
     """Updates in one round."""
+    reward_share: float = 0.0
+    """Share of a batch that is drawn from the decisions shortly before rewards; the rest is uniform."""
     n_steps: int = 1
     """Decisions whose rewards are summed before the target network is asked."""
     double: bool = False
@@ -154,7 +156,7 @@ class DQN:
                 network[0].fit(states)  # type: ignore[operator]
         if self.decisions_ >= c.initial_buffer and self.decisions_ % c.decisions_per_update == 0:
             for _ in range(c.updates):
-                self.update(self.replay.sample(self._rng, c.batch_size, n_steps=c.n_steps, discount=c.discount))
+                self.update(self._sample())
 
     def end_episode(self, observation: NDArray[Any]) -> None:
         """Remember the last observation of an episode."""
@@ -215,6 +217,12 @@ class DQN:
     def load_network(self, arrays: Arrays) -> None:
         """Take over the weights of the Q-network alone; enough to play."""
         _load_module(self.network, arrays)
+
+    def _sample(self) -> Batch:
+        c = self.config
+        return self.replay.sample(
+            self._rng, c.batch_size, n_steps=c.n_steps, discount=c.discount, reward_share=c.reward_share
+        )
 
     def _targets(self, batch: Batch) -> Tensor:
         with torch.no_grad():

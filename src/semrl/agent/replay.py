@@ -10,6 +10,10 @@ from semrl.arrays import Arrays
 from semrl.types import Ints
 
 
+REWARD_WINDOW = 64
+"""Decisions before a reward that count as having led to it."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Batch:
     """Sampled n-step transitions.
@@ -76,14 +80,17 @@ class ReplayBuffer:
         """Store the last observation of an episode, after which no action was taken."""
         self.add(observation, -1, 0.0, terminated=False, start=False)
 
-    def sample(self, rng: np.random.Generator, size: int, *, n_steps: int, discount: float) -> Batch:
-        """Draw transitions uniformly, with replacement.
+    def sample(
+        self, rng: np.random.Generator, size: int, *, n_steps: int, discount: float, reward_share: float = 0.0
+    ) -> Batch:
+        """Draw transitions uniformly, with replacement; a share of them only from shortly before a reward.
 
         Returns over n steps (Sutton 1988) stop at the end of the episode and at the newest entry.
         """
         newest = self._count - 1
         oldest = max(0, self._count - self.capacity)
         ticks = self._draw(rng, size, oldest, newest)
+        self._draw_rewarded(rng, ticks[: round(size * reward_share)], oldest, newest)
         steps = ticks[:, None] + np.arange(n_steps)  # (b, n)
         entries = np.minimum(steps, newest) % self.capacity
         # A step counts while it has an action and nothing ended before it.
@@ -135,6 +142,16 @@ class ReplayBuffer:
         while (bad := self._actions[ticks % self.capacity] < 0).any():
             ticks[bad] = rng.integers(oldest, newest, int(bad.sum()))
         return ticks
+
+    def _draw_rewarded(self, rng: np.random.Generator, ticks: Ints, oldest: int, newest: int) -> None:
+        """Replace drawn entries by such as lie at most `REWARD_WINDOW` before a reward, where there are any."""
+        rewarded = np.flatnonzero(self._rewards)
+        if not len(rewarded) or not len(ticks):
+            return
+        rewarded = newest - (newest - rewarded) % self.capacity  # entry → tick
+        drawn = rng.choice(rewarded, len(ticks)) - rng.integers(REWARD_WINDOW, size=len(ticks))
+        fit = (drawn >= oldest) & (drawn < newest) & (self._actions[drawn % self.capacity] >= 0)
+        ticks[fit] = drawn[fit]
 
     def _stack(self, ticks: Ints, oldest: int) -> NDArray[Any]:
         """Put each observation beside the one before it; beside itself at the start of an episode."""

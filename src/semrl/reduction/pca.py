@@ -68,6 +68,8 @@ class ObjectPCA:
         self._waiting = rows if self._waiting is None else np.concatenate([self._waiting, rows])
         if len(self._waiting) >= self.config.components:
             self._pca.partial_fit(self._waiting)
+            # Memory order decides the last bit of a product: keep the one that a restored estimator has.
+            self._pca.components_ = np.ascontiguousarray(self._pca.components_)
             self._waiting = None
             self.n_updates_ += 1
         return self

@@ -1,0 +1,156 @@
+"""What a run left in its folder, read for the report; whatever is not there yet stays empty."""
+
+import json
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.arrays import Arrays
+from semrl.errors import SemrlError, UsageError
+from semrl.runs.files import read_arrays
+from semrl.runs.metrics import read_metrics
+
+MAX_VIDEO_BYTES = 8_000_000
+"""Longer videos stay beside the page instead of in it."""
+
+RUNNING_MEAN_EPISODES = 10
+
+
+@dataclass(frozen=True, kw_only=True)
+class Series:
+    """Numbers along the decisions of a run: ``x (n,)`` and ``y (n,)``, float64."""
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunRecord:
+    """One run as its files tell it.
+
+    Attributes
+    ----------
+    name
+        Of the folder.
+    path
+        Of the folder, as it was called; for the commands that the page proposes.
+    config, manifest
+        Nested values of ``config.toml`` and ``manifest.json``.
+    rows
+        Of ``metrics.csv``: column → text.
+    evaluation
+        Content of ``evaluation.json``; None when the run was not evaluated.
+    gallery
+        Arrays of ``gallery.npz``; empty when there is none.
+    video
+        Bytes of ``video.mp4``; None when there is none or it is too large.
+    has_video
+        Whether there is a ``video.mp4`` at all.
+    """
+
+    name: str
+    path: str
+    config: Mapping[str, Any]
+    manifest: Mapping[str, Any]
+    rows: Sequence[Mapping[str, str]]
+    evaluation: Mapping[str, Any] | None
+    gallery: Arrays
+    video: bytes | None
+    has_video: bool
+
+    @property
+    def frame_skip(self) -> int:
+        """Emulator frames that one decision takes."""
+        return int(self.config.get("environment", {}).get("frame_skip", 4))
+
+    @property
+    def decisions(self) -> int:
+        """Decisions taken so far."""
+        return int(self.rows[-1]["decisions"]) if not self._result else int(self._result["decisions"])
+
+    @property
+    def seconds(self) -> float:
+        """Wall-clock time of the training so far."""
+        return float(self.rows[-1]["seconds"]) if not self._result else float(self._result["seconds"])
+
+    @property
+    def began(self) -> bool:
+        """Whether anything was measured."""
+        return bool(self.rows) or bool(self._result)
+
+    @property
+    def _result(self) -> Mapping[str, Any]:
+        return self.manifest.get("result") or {}
+
+    def returns(self) -> Series:
+        """Return the return of each finished episode of the agent."""
+        return self.column("agent", "return", along="decisions")
+
+    def column(self, phase: str, name: str, *, along: str = "batches") -> Series:
+        """Return the numbers of one phase: those rows where both cells are filled with finite ones."""
+        rows = [row for row in self.rows if row["phase"] == phase and row[along] and row[name]]
+        values = np.array([(float(row[along]), float(row[name])) for row in rows]).reshape(-1, 2)  # (n, 2)
+        values = values[np.isfinite(values).all(axis=1)]
+        return Series(x=values[:, 0], y=values[:, 1])
+
+
+def running_mean(values: NDArray[np.float64], n: int = RUNNING_MEAN_EPISODES) -> NDArray[np.float64]:
+    """Return the mean of each value and up to ``n − 1`` before it, ``(len(values),)``."""
+    sums = np.concatenate([[0.0], np.cumsum(values)])
+    ends = np.arange(1, len(values) + 1)
+    starts = np.maximum(ends - n, 0)
+    means: NDArray[np.float64] = (sums[ends] - sums[starts]) / (ends - starts)
+    return means
+
+
+def read_run(path: Path) -> RunRecord:
+    """Read a run folder.
+
+    Raises
+    ------
+    UsageError
+        When it is none.
+    SemrlError
+        When one of its files is damaged.
+    """
+    try:
+        config = tomllib.loads((path / "config.toml").read_text())
+        manifest = json.loads((path / "manifest.json").read_text())
+    except OSError:
+        raise UsageError(f"{path} is not a run: config.toml or manifest.json is missing") from None
+    except ValueError as error:
+        raise SemrlError(f"{path} has a damaged config.toml or manifest.json: {error}") from None
+    gallery, video = path / "gallery.npz", path / "video.mp4"
+    embeddable = video.is_file() and video.stat().st_size < MAX_VIDEO_BYTES
+    return RunRecord(
+        name=path.resolve().name,
+        path=str(path),
+        config=config,
+        manifest=manifest,
+        rows=read_metrics(path / "metrics.csv"),
+        evaluation=_read_evaluation(path),
+        gallery=read_arrays(gallery) if gallery.exists() else {},
+        video=video.read_bytes() if embeddable else None,
+        has_video=video.is_file(),
+    )
+
+
+def _read_evaluation(path: Path) -> Mapping[str, Any] | None:
+    file = path / "evaluation.json"
+    if not file.exists():
+        return None
+    try:
+        content: Mapping[str, Any] = json.loads(file.read_text())
+        for key in ("mean", "std", "min", "max", "episodes"):
+            float(content[key])
+    except (ValueError, KeyError, TypeError):
+        raise SemrlError(f"{file} is damaged; write it again with: semrl eval {path}") from None
+    return content

@@ -1,0 +1,244 @@
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from semrl.arrays import json_to_array, nest, ragged_to_arrays
+from semrl.errors import SemrlError, UsageError
+from semrl.report import write_report
+from semrl.runs import RunConfig, RunFolder
+from semrl.runs.config import to_dict
+from semrl.runs.files import write_arrays, write_text
+from semrl.runs.metrics import MetricsFile
+
+RETURNS = [-21.0, -20.0, -18.0, -19.0, -12.0]
+VOID = {"meta", "link", "img", "br", "hr", "input", "source"}
+
+
+class Wellformed(HTMLParser):
+    """Complains of tags that do not close, and gathers what a browser would fetch and a person read."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.fetched, self.ids, self.unlabelled, self.headings = [], [], [], [], []
+        self.words = ""
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        values = dict(attrs)
+        self.fetched += [values[key] for key in ("src", "href", "xlink:href", "poster") if key in values]
+        self.ids += [values["id"]] if "id" in values else []
+        if (tag == "img" and not values.get("alt")) or (tag == "svg" and not values.get("aria-label")):
+            self.unlabelled.append(tag)
+        if re.fullmatch("h[1-6]", tag):
+            self.headings.append(int(tag[1]))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.handle_starttag(tag, attrs)
+        if tag not in VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open[-1:] != ["style"]:
+            self.words += data
+
+
+def make_run(path, *, model="semantic", seed=0, metrics=True, evaluation=True, gallery=True, frames=40_000):
+    config = RunConfig(model=model, seed=seed, frames=frames)
+    folder = RunFolder.create(path, config)
+    if metrics:
+        write_metrics(folder.metrics_path)
+    if evaluation:
+        content = {"run": str(path), "policy": "agent", "episodes": 30, "returns": []}
+        content |= {"mean": -12.3, "std": 3.5, "min": -19.0, "max": 4.0}
+        content["with"] = {"decisions": 5900, "seed": 1, "max_noops": 30}
+        write_text(path / "evaluation.json", json.dumps(content))
+    if gallery:
+        write_arrays(path / "gallery.npz", gallery_arrays())
+    return path
+
+
+def write_metrics(path):
+    file = MetricsFile(path)
+    for i in range(1, 301):
+        stability = {"stability": 0.5 / (i - 250)} if i > 250 else {}
+        file.write({"phase": "pca", "decisions": i, "frames": 4 * i, "batches": i, **stability})
+        agreement = {"stability": 0.9, "leaves": 12} if i > 250 else {"leaves": 12}
+        file.write({"phase": "birch", "decisions": 300 + i, "frames": 4 * i, "batches": i, **agreement})
+    for i, value in enumerate(RETURNS):
+        row = {"episode": i + 1, "return": value, "loss": float("nan"), "decisions": 1900 + 1000 * i}
+        file.write({"phase": "agent", "frames": 4 * row["decisions"], **row})
+    file.close()
+
+
+def gallery_arrays():
+    rng = np.random.default_rng(0)
+    boxes = [np.array([[10, 20, 4, 8], [40, 42, 3, 3]]), np.empty((0, 4), np.int64)]
+    classes = [np.array([0, 11]), np.empty(0, np.int64)]
+    edges = [np.array([[0, 1]]), np.empty((0, 2), np.int64)]
+    return {
+        "meta": json_to_array({"view": "embedding", "names": [], "seed": 0, "decisions": 5900, "played": 1000}),
+        "frames": rng.integers(0, 255, (2, 210, 168, 3), dtype=np.uint8),
+        "greys": rng.integers(0, 255, (2, 84, 84), dtype=np.uint8),
+        "vectors": rng.normal(size=(2, 10)).astype(np.float32),
+        "palette": np.array([(1, 2, 3), (171, 205, 239)], np.uint8),
+        "threshold": np.array(101.5),
+        "explained_variance_ratio": np.array([0.75, 0.125]),
+        "n_leaves": np.array(14),
+        "class_numbers": np.array([0, 11]),
+        "class_counts": np.array([9, 99]),
+        "centres": rng.random((2, 8, 8)),
+        **nest(
+            boxes=ragged_to_arrays(boxes, like=np.empty((0, 4), np.int64)),
+            classes=ragged_to_arrays(classes, like=np.empty(0, np.int64)),
+            edges=ragged_to_arrays(edges, like=np.empty((0, 2), np.int64)),
+        ),
+    }
+
+
+def page_of(*runs, defaults=True):
+    out = runs[0].parent / "page.html"
+    assert write_report(runs, out, defaults=to_dict(RunConfig()) if defaults else None) == out
+    text = out.read_text()
+    return text, Wellformed(text)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    run = make_run(tmp_path_factory.mktemp("runs") / "whole")
+    (run / "video.mp4").write_bytes(b"not really a film")
+    return page_of(run)
+
+
+def test_the_answer_comes_first(whole):
+    words = " ".join(whole[1].words.split())
+    assert words.index("−12.3 ± 3.5") < words.index("Learning")
+    for told in ("over 30 evaluation episodes", "up to 30 random no-op", "between −19 and 4", "semantic on Pong"):
+        assert told in words
+    assert "Mean return of the 5 training episodes: −18." in words
+    assert "Trained for 5,900 decisions (23,600 frames)" in words
+
+
+def test_numbers_of_perception_are_on_the_page(whole):
+    words = " ".join(whole[1].words.split())
+    for told in (
+        "101.5",
+        "87.5 %",
+        "14",
+        "goal 0.05",
+        "goal 0.95",
+        "after 300 batches",
+        "0.01",
+        "2 objects of 2 kinds",
+    ):
+        assert told in words
+    assert words.index("99") < words.index("Path to stability")
+
+
+def test_it_needs_nothing_else(whole):
+    assert all(url.startswith(("data:", "#")) for url in whole[1].fetched)
+    assert not re.search(r"""(src|href)\s*=\s*["']?\s*(https?:)?//""", whole[0])
+    assert not re.search(r"@import|url\((?!#)", whole[0])
+    assert "data:video/mp4;base64," in whole[0]
+
+
+def test_it_can_be_read_aloud(whole):
+    page = whole[1]
+    assert page.unlabelled == []
+    assert len(page.ids) == len(set(page.ids))
+    assert page.headings[0] == 1 and page.headings.count(1) == 1
+    assert all(below <= above + 1 for above, below in zip(page.headings, page.headings[1:], strict=False))
+
+
+def test_boxes_lie_where_the_frame_has_the_object(whole):
+    # 84 × 84 to 168 × 210: twice as wide, 2.5 times as high; class 11 has colour 11 mod 2
+    assert '<rect x="40.0" y="25.0" width="16.0" height="10.0" stroke="#010203"/>' in whole[0]
+    assert '<rect x="84.0" y="100.0" width="6.0" height="7.5" stroke="#abcdef"/>' in whole[0]
+    assert '<path class="joined" d="M48.0 30.0L87.0 103.8"/>' in whole[0]
+
+
+def test_changed_settings_come_before_the_others(whole):
+    changed, rest = whole[0].split("at their defaults</summary>")
+    assert "<code>frames</code></th><td>40000</td>" in changed
+    assert "<code>agent.batch_size</code>" in rest and "<code>agent.batch_size</code>" not in changed
+
+
+def test_provenance_is_folded_in(whole):
+    for name in ("versions.numpy", "machine.cores", "threads", "seed", "status"):
+        assert f"<code>{name}</code>" in whole[0]
+
+
+def test_the_same_run_gives_the_same_page(tmp_path):
+    run = make_run(tmp_path / "run")
+    assert page_of(run)[0] == page_of(run)[0]
+
+
+def test_what_is_missing_is_said(tmp_path):
+    run = make_run(tmp_path / "new", metrics=False, evaluation=False, gallery=False)
+    words = " ".join(page_of(run, defaults=False)[1].words.split())
+    assert f"Not evaluated yet semrl eval {run}" in words
+    for told in ("not measured anything", "no learning curve yet", "no gallery", f"--video {run}/video.mp4"):
+        assert told in words
+
+
+def test_an_early_run_has_no_path_yet(tmp_path):
+    run = make_run(tmp_path / "early", metrics=False)
+    file = MetricsFile(run / "metrics.csv")
+    file.write({"phase": "pca", "decisions": 1, "frames": 4, "batches": 1})
+    file.close()
+    words = page_of(run)[1].words
+    assert "PCA has not been compared yet" in words
+    assert "has not finished an episode yet" in words
+
+
+def test_a_large_video_stays_outside(tmp_path):
+    run = make_run(tmp_path / "long")
+    with (run / "video.mp4").open("wb") as file:
+        file.truncate(8_000_000)
+    text, page = page_of(run)
+    assert "too large for this page" in page.words and len(text) < 1_000_000
+
+
+def test_several_runs_share_one_chart(tmp_path):
+    runs = [make_run(tmp_path / f"seed{seed}", seed=seed, evaluation=seed > 0) for seed in range(3)]
+    _, page = page_of(*runs)
+    assert "3 runs compared" in page.words
+    assert page.words.count("return\n") <= 4
+    assert all(f"run-{i}" in page.ids for i in (1, 2, 3))
+    assert "#run-3" in page.fetched
+    assert len(page.ids) == len(set(page.ids))
+
+
+def test_hostile_names_are_text(tmp_path):
+    name = '<script>alert("$x^2$")</script>&'
+    parent = tmp_path / "a'b"
+    parent.mkdir()
+    run = make_run(parent / name.replace("/", "∕"), evaluation=False)
+    manifest = RunFolder.open(run)
+    manifest.update_manifest(model="<img src=x onerror=alert(1)>", status='"><b>')
+    text, page = page_of(run, run)
+    assert "<script" not in text and "<img src=x" not in text and "<b>" not in text.replace("<b>−", "")
+    assert "<img src=x onerror=alert(1)>" in page.words
+
+
+def test_wrong_calls_are_told(tmp_path):
+    run = make_run(tmp_path / "run")
+    with pytest.raises(UsageError, match="at least one run"):
+        write_report([], tmp_path / "page.html")
+    with pytest.raises(UsageError, match="is not a run"):
+        write_report([tmp_path], tmp_path / "page.html")
+    with pytest.raises(UsageError, match="folder does not exist"):
+        write_report([run], tmp_path / "nowhere" / "page.html")
+    (run / "evaluation.json").write_text("{")
+    with pytest.raises(SemrlError, match=r"evaluation\.json is damaged"):
+        write_report([run], tmp_path / "page.html")
+    assert not (tmp_path / "page.html").exists()
