@@ -74,8 +74,7 @@ class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any]):
         return np.concatenate([current, current - previous])
 
     def _check_learned(self) -> None:
-        """Try one black frame: whatever was not learned complains."""
-        blank = np.zeros((IMAGE_SIZE_PX, IMAGE_SIZE_PX), dtype=np.uint8)
+        """Complain of what was not learned; the embedding does so itself when it is shown a black frame."""
         views = {"labels": ("classes", "embedding"), "vector": ("embedding",)}
         if self.output not in views:
             raise UsageError(f"output must be 'vector' or 'labels', not '{self.output}'")
@@ -84,4 +83,8 @@ class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any]):
                 f"output '{self.output}' needs perception of a run of model 'semantic'"
                 f"{' or birch' if self.output == 'labels' else ''}; this one sees '{self.pipeline.view}'"
             )
-        self.pipeline.detector.detect(blank)
+        p = self.pipeline
+        if not (p.detector.is_fitted and p.pca.is_fitted and p.birch.n_leaves_):
+            raise UsageError("this perception has not learned to tell objects apart yet: the run needs more frames")
+        if self.output == "vector":
+            p.embedder.transform(p.scene(np.zeros((IMAGE_SIZE_PX, IMAGE_SIZE_PX), dtype=np.uint8)))

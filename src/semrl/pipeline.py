@@ -83,9 +83,9 @@ class Pipeline:
         self.detector = OtsuDetector(config.detection)
         self.pca = ObjectPCA(config.pca)
         self.birch = Birch(config.birch)
-        self.embedder: Embedder = (
-            HashedEmbedding(config.hashed) if config.embedding == "hashed" else Doc2VecEmbedding(config.doc2vec)
-        )
+        # Doc2vec needs an extra: do not ask for it where nothing is embedded.
+        needs_doc2vec = view == "embedding" and config.embedding == "doc2vec"
+        self.embedder: Embedder = Doc2VecEmbedding(config.doc2vec) if needs_doc2vec else HashedEmbedding(config.hashed)
         if view == "ram":
             self.shape: tuple[int, ...] = (len(ram_feature_names(self.rom)),)
         else:

@@ -212,9 +212,20 @@ def test_several_runs_share_one_chart(tmp_path):
     runs = [make_run(tmp_path / f"seed{seed}", seed=seed, evaluation=seed > 0) for seed in range(3)]
     _, page = page_of(*runs)
     assert "3 runs compared" in page.words
-    assert page.words.count("return\n") <= 4
+    assert page.words.count("−12.3 ± 3.5") == 4  # in the table and at each of the two evaluated
+    assert page.words.count("not yet") == 1
     assert all(f"run-{i}" in page.ids for i in (1, 2, 3))
     assert "#run-3" in page.fetched
+    assert len(page.ids) == len(set(page.ids))
+
+
+def test_runs_of_one_name_are_told_apart(tmp_path):
+    runs = []
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        runs.append(make_run(tmp_path / name / "run", gallery=False))
+    _, page = page_of(*runs)
+    assert all(str(run) in page.words for run in runs)
     assert len(page.ids) == len(set(page.ids))
 
 

@@ -26,6 +26,7 @@ class StateInput(nn.Module):
 
     def __init__(self, shape: tuple[int, ...], *, is_image: bool) -> None:
         super().__init__()
+        self.is_image = is_image
         self.unit = 1 / 255 if is_image else 1.0
         size = () if is_image else (2, *shape)
         self.mean: Tensor
@@ -34,7 +35,9 @@ class StateInput(nn.Module):
         self.register_buffer("scale", torch.ones(size))
 
     def fit(self, states: Tensor) -> None:
-        """Measure mean and standard deviation of every number of the states, ``(b, 2, d)``."""
+        """Measure mean and standard deviation of every number of the states, ``(b, 2, d)``; images stay as they are."""
+        if self.is_image:
+            return
         x = self._differences(states)
         self.mean.copy_(x.mean(dim=0))
         deviation = x.std(dim=0)

@@ -145,7 +145,7 @@ class ReplayBuffer:
 
     def _draw_rewarded(self, rng: np.random.Generator, ticks: Ints, oldest: int, newest: int) -> None:
         """Replace drawn entries by such as lie at most `REWARD_WINDOW` before a reward, where there are any."""
-        rewarded = np.flatnonzero(self._rewards)
+        rewarded = np.flatnonzero(self._rewards[: len(self)])
         if not len(rewarded) or not len(ticks):
             return
         rewarded = newest - (newest - rewarded) % self.capacity  # entry → tick

@@ -1,7 +1,9 @@
 """Parsing with tyro, with errors of one line."""
 
 import contextlib
+import difflib
 import io
+import itertools
 import re
 from collections.abc import Sequence
 from typing import TypeVar
@@ -20,6 +22,8 @@ def parse(kind: type[Arguments], argv: Sequence[str], *, command: str, default: 
     ------
     UsageError
         When they are wrong; the message is one line.
+    SystemExit
+        With 0, when help was asked for and shown.
     """
     said = io.StringIO()
     try:
@@ -38,11 +42,11 @@ def parse(kind: type[Arguments], argv: Sequence[str], *, command: str, default: 
 
 
 def _one_line(box: str) -> str:
-    """Take the first sentence out of the box that tyro draws around its errors."""
-    lines = [re.sub(r"\x1b\[[0-9;]*m", "", line).strip("╭╮╰╯│─ \t") for line in box.splitlines()]
-    words = [
-        line
-        for line in lines
-        if line and not re.fullmatch(r"(Parsing error|Unrecognized options|Required options)", line)
-    ]
-    return words[0].rstrip(".") if words else "wrong arguments"
+    """Take what is wrong, and the closest option there is, out of the box that tyro draws around its errors."""
+    plain = [re.sub(r"\x1b\[[0-9;]*m", "", line) for line in box.splitlines()]
+    lines = [line.strip("│ \t") for line in plain if not line.startswith(("╭", "╰"))]
+    said = " ".join(itertools.takewhile(lambda line: set(line) != {"─"}, lines)).rstrip(" .")
+    unknown = re.findall(r"--[\w.-]+", said)[:1] if said.startswith("Unrecognized") else []
+    options = [line.split()[0] for line in lines if line.startswith("--")]
+    close = [match for word in unknown for match in difflib.get_close_matches(word, options, n=1)]
+    return (said or "wrong arguments") + (f"; did you mean {close[0]}?" if close else "")

@@ -1,5 +1,6 @@
 """``semrl eval``: play with a trained run."""
 
+import contextlib
 import dataclasses
 import json as json_format
 from collections.abc import Sequence
@@ -11,8 +12,8 @@ import tyro
 
 from semrl.cli.arguments import parse
 from semrl.cli.progress import console, progress_bars, summary
-from semrl.errors import UsageError
 from semrl.runs import RunFolder, evaluate
+from semrl.runs.evaluation import Step
 from semrl.runs.recording import recorder
 
 
@@ -37,19 +38,25 @@ class EvalArguments:
 def main(argv: Sequence[str]) -> None:
     """Parse, play, tell."""
     arguments = parse(EvalArguments, argv, command="eval")
-    if arguments.episodes is not None and arguments.episodes < 1:
-        raise UsageError("--episodes must be at least 1")
     config = RunFolder.open(arguments.run).config()
     episodes = arguments.episodes or config.evaluation.episodes
     returns: list[float] = []
-    with progress_bars() as bars, recorder(arguments.run, arguments.video) as record:
-        task = bars.add_task("evaluate", total=episodes, note="")
+    bars = progress_bars()
+    with contextlib.ExitStack() as stack:
+        record = stack.enter_context(recorder(arguments.run, arguments.video))
+
+        def on_step(episode: int, step: Step) -> None:
+            if not bars.tasks:  # nothing is shown before: a call that cannot work costs one line, the error's
+                stack.enter_context(bars)
+                bars.add_task("evaluate", total=episodes, note="")
+            record(episode, step)
 
         def on_episode(total: float) -> None:
             returns.append(total)
-            bars.update(task, advance=1, note=f"mean return {sum(returns) / len(returns):.1f}")
+            note = f"mean return {sum(returns) / len(returns):.1f}"
+            bars.update(bars.task_ids[0], advance=1, note=note)
 
-        result = evaluate(arguments.run, episodes=episodes, seed=arguments.seed, on_episode=on_episode, on_step=record)
+        result = evaluate(arguments.run, episodes=episodes, seed=arguments.seed, on_episode=on_episode, on_step=on_step)
     if arguments.json:
         print(json_format.dumps(dataclasses.asdict(result)))
         return

@@ -1,11 +1,13 @@
 """Choosing a command, and turning every foreseen failure into one line and an exit status."""
 
+import contextlib
 import difflib
 import importlib
 import os
+import signal
 import sys
-from collections.abc import Sequence
-from types import ModuleType
+from collections.abc import Iterator, Sequence
+from types import FrameType, ModuleType
 
 from semrl import __version__
 from semrl.errors import SemrlError, UsageError
@@ -28,22 +30,46 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv[0] == "--version":
         print(f"semrl {__version__}")
         return 0
-    return _run(argv[0], argv[1:])
+    try:
+        return _run(argv[0], argv[1:])
+    except SystemExit as leave:  # the help of a command was shown
+        return int(leave.code or 0)
 
 
 def _run(command: str, argv: Sequence[str]) -> int:
     try:
-        _module(command).main(argv)
+        with _terminable():
+            _module(command).main(argv)
     except UsageError as error:
         return _complain(error, 2)
     except SemrlError as error:
         return _complain(error, 1)
+    except MemoryError as error:
+        return _complain(f"not enough memory: {error or 'try a smaller --agent.replay-capacity'}", 1)
     except KeyboardInterrupt:
         return _complain("stopped", 1)
     except BrokenPipeError:  # whoever read our output has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     return 0
+
+
+@contextlib.contextmanager
+def _terminable() -> Iterator[None]:
+    """Let SIGTERM end a command as Ctrl-C does: files half-written are removed, and one line tells."""
+
+    def stop(_number: int, _frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    try:
+        before = signal.signal(signal.SIGTERM, stop)
+    except ValueError:  # not in the main thread: whoever runs us listens
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _module(command: str) -> ModuleType:

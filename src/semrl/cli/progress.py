@@ -51,7 +51,10 @@ def progress_bars() -> Progress:
 
 
 class TrainingProgress:
-    """A bar for each phase of a training; observes the trainer."""
+    """A bar for each phase of a training; observes the trainer.
+
+    Nothing is shown before the first decision: a call that cannot work costs one line, the error's.
+    """
 
     def __init__(self, config: RunConfig, path: Path) -> None:
         self.config = config
@@ -61,14 +64,13 @@ class TrainingProgress:
         self._shown_at = 0.0
 
     def __enter__(self) -> Self:
-        error_console.print(f"[bold]{self.config.model}[/] on {self.config.env}, seed {self.config.seed} → {self.path}")
-        self._bars.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._bars.stop()
+        if self._tasks:
+            self._bars.stop()
 
     def on_decision(self, trainer: Trainer) -> None:
         """Move the agent's bar, a few times a second."""
@@ -91,6 +93,10 @@ class TrainingProgress:
         self._bars.update(task, completed=row["batches"], note=note)
 
     def _task(self, phase: str, total: int | None, done: int) -> TaskID:
+        if not self._tasks:
+            what = f"[bold]{self.config.model}[/] on {self.config.env}, seed {self.config.seed} → {self.path}"
+            error_console.print(what, soft_wrap=True)
+            self._bars.start()
         if phase not in self._tasks:
             for task in self._bars.tasks:  # the phases before it are complete
                 self._bars.update(task.id, total=task.completed)

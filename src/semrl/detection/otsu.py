@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from semrl.arrays import Arrays
 from semrl.detection.cutting import cut_components
-from semrl.errors import DataError
+from semrl.errors import DataError, UsageError
 from semrl.types import IMAGE_SIZE_PX, Image, Ints, Objects
 
 
@@ -23,6 +23,14 @@ class DetectionConfig:
     """Frames whose Otsu thresholds are looked at once, at the beginning; their median is kept."""
     max_object_share: float = 0.1
     """Objects longer than this share of the image are cut."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.threshold_share <= 1:
+            raise UsageError(f"threshold_share must be above 0 and at most 1, not {self.threshold_share}")
+        if self.threshold_frames < 1:
+            raise UsageError(f"threshold_frames must be 1 or more, not {self.threshold_frames}")
+        if not 1 / IMAGE_SIZE_PX <= self.max_object_share <= 1:
+            raise UsageError(f"max_object_share must be at least one pixel and at most 1, not {self.max_object_share}")
 
 
 class OtsuDetector:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sklearn.decomposition import IncrementalPCA
 
 from semrl.arrays import Arrays
-from semrl.errors import DataError
+from semrl.errors import DataError, UsageError
 from semrl.types import Floats
 
 _LEARNED = (
@@ -23,6 +23,10 @@ class PCAConfig:
 
     components: int = 10
     """Numbers that describe an object after reduction."""
+
+    def __post_init__(self) -> None:
+        if self.components < 1:
+            raise UsageError(f"components must be 1 or more, not {self.components}")
 
 
 class ObjectPCA:
@@ -60,10 +64,10 @@ class ObjectPCA:
         Raises
         ------
         DataError
-            When a number is not finite.
+            Rows are not finite, not as long as those seen before, or shorter than the reduced ones; nothing is
+            learned then.
         """
-        if not np.isfinite(X).all():
-            raise DataError("objects must be finite numbers")
+        self._check_rows(X)
         rows = np.unique(np.asarray(X, dtype=np.float64), axis=0)
         self._waiting = rows if self._waiting is None else np.concatenate([self._waiting, rows])
         if len(self._waiting) >= self.config.components:
@@ -75,8 +79,15 @@ class ObjectPCA:
         return self
 
     def transform(self, X: NDArray[Any]) -> Floats:
-        """Project ``(n, d)`` rows on the components, ``(n, k)`` float32."""
+        """Project ``(n, d)`` rows on the components, ``(n, k)`` float32.
+
+        Raises
+        ------
+        DataError
+            Too little was learned yet, or as `partial_fit`.
+        """
         self._check_fitted()
+        self._check_rows(X)
         return np.asarray((X - self._pca.mean_) @ self._pca.components_.T, dtype=np.float32)
 
     def inverse_transform(self, Z: NDArray[Any]) -> Floats:
@@ -101,6 +112,16 @@ class ObjectPCA:
         if self.is_fitted:
             self._pca.n_components_ = self.config.components
             self._pca.batch_size_ = None
+
+    def _check_rows(self, X: NDArray[Any]) -> None:
+        if X.ndim != 2 or not np.isfinite(X).all():
+            raise DataError(f"expected rows (n, d) of finite numbers, got {X.shape} of {X.dtype}")
+        known = self._pca.components_ if self.is_fitted else X if self._waiting is None else self._waiting
+        if X.shape[1] != known.shape[1] or X.shape[1] < self.config.components:
+            raise DataError(
+                f"rows of {X.shape[1]} numbers do not fit {self.config.components} components of "
+                f"{known.shape[1]} numbers"
+            )
 
     def _check_fitted(self) -> None:
         if not self.is_fitted:

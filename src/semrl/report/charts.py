@@ -118,14 +118,14 @@ def _svg(figure: Figure, title: str) -> Markup:
         text = text.replace(stand_in, variable)
     text = re.sub(r'font-family: [^;"]*', "font-family: inherit", text)  # the page's
     text = re.sub(r"(\d\.\d\d)\d+", r"\1", text)  # hundredths of a pixel are enough
-    text = _own_ids(text)
+    text = _own_ids(text, title)
     label = Markup('<svg role="img" aria-label="{}" ').format(title)
     return label + Markup(text.removeprefix("<svg").lstrip())
 
 
-def _own_ids(text: str) -> str:
+def _own_ids(text: str, title: str) -> str:
     """Drop ids that nothing refers to and mark the others, so that charts on one page do not mix."""
     used = set(re.findall(r'(?:url\(#|href="#)([^)"]+)', text))
-    prefix = f"chart{zlib.crc32(text.encode()):08x}-"
+    prefix = f"chart{zlib.crc32((title + text).encode()):08x}-"
     text = re.sub(r' id="([^"]+)"', lambda match: match[0] if match[1] in used else "", text)
     return re.sub(r'(id="|url\(#|href="#)', lambda match: match[1] + prefix, text)

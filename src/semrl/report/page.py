@@ -1,7 +1,9 @@
 """Putting the page together: one HTML file that needs nothing else."""
 
 import base64
+import dataclasses
 import importlib.resources
+import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -39,7 +41,10 @@ def write_report(runs: Sequence[Path], out: Path, *, defaults: Mapping[str, Any]
         raise UsageError("a report needs at least one run")
     if not out.parent.is_dir() or out.is_dir():
         raise UsageError(f"cannot write {out}: {'it is a folder' if out.is_dir() else 'its folder does not exist'}")
-    write_text(out, render([read_run(run) for run in runs], defaults or {}))
+    records = [read_run(run) for run in runs]
+    if len({record.name for record in records}) < len(records):
+        records = [dataclasses.replace(record, name=record.path) for record in records]
+    write_text(out, render(records, defaults or {}))
     return out
 
 
@@ -75,7 +80,7 @@ def _run(record: RunRecord, colour: str, defaults: Mapping[str, Any]) -> dict[st
     returns = record.returns().y
     return {
         "name": record.name,
-        "path": record.path,
+        "path": shlex.quote(record.path),
         "colour": colour,
         "model": record.manifest.get("model", "?"),
         "game": wording.game(record),
@@ -114,7 +119,7 @@ def _paths(record: RunRecord) -> list[dict[str, Any]]:
         values = record.column(phase, "stability")
         if not any(row["phase"] == phase for row in record.rows):
             continue
-        title = f"{name}: {unit} after {batches} more batches, at every batch"
+        title = f"{name} of {record.name}: {unit} after {batches} more batches, at every batch"
         drawn.append({
             "name": name,
             "chart": stability_path(values, goal=goal, ylabel=unit, title=title) if len(values) else None,

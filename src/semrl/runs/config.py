@@ -19,6 +19,7 @@ from semrl.state import EnvironmentConfig
 
 Model = Literal["baseline", "otsu", "birch", "semantic", "ram"]
 PRESETS = ("semrl", "thesis")
+MAX_THREADS = 1024
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +32,15 @@ class EvaluationConfig:
     """At most so many random no-op decisions at the start of an episode, so that no two are alike."""
     exploration: float = 0.0
     """Probability of a random action."""
+
+    def __post_init__(self) -> None:
+        if self.episodes < 1 or self.max_noops < 0:
+            raise UsageError(
+                f"evaluation.episodes must be 1 or more, evaluation.max_noops 0 or more; "
+                f"not {self.episodes} and {self.max_noops}"
+            )
+        if not 0 <= self.exploration <= 1:
+            raise UsageError(f"evaluation.exploration is a probability from 0 to 1, not {self.exploration}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +69,19 @@ class RunConfig:
     """How the agent learns."""
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
     """How the agent is tested."""
+
+    def __post_init__(self) -> None:
+        if self.frames < self.environment.frame_skip:
+            raise UsageError(
+                f"frames must be enough for one decision, environment.frame_skip ({self.environment.frame_skip}) "
+                f"or more, not {self.frames}"
+            )
+        if not 0 <= self.seed < 1 << 63:
+            raise UsageError(f"seed must lie between 0 and 2^63 - 1, not {self.seed}")
+        if not 1 <= self.threads <= MAX_THREADS:
+            raise UsageError(f"threads must lie between 1 and {MAX_THREADS}, not {self.threads}")
+        if not self.checkpoint_seconds >= 0:
+            raise UsageError(f"checkpoint_seconds must be 0 or more, not {self.checkpoint_seconds}")
 
     @property
     def decisions(self) -> int:
@@ -111,7 +134,7 @@ def from_dict(values: Mapping[str, Any], *, source: str) -> RunConfig:
     _check_keys(values, to_dict(RunConfig()), source)
     try:
         return msgspec.convert(values, RunConfig)
-    except (msgspec.ValidationError, ValueError) as error:
+    except (msgspec.ValidationError, ValueError, UsageError) as error:
         raise UsageError(f"{source}: {error}") from None
 
 

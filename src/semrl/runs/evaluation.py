@@ -52,6 +52,8 @@ class Player:
     pipeline: Pipeline
     agent: DQN
     decisions: int
+    perceiving: bool
+    """Whether perception was still being learned at this checkpoint."""
 
     def new_game(self, seed: int) -> Game:
         """Make the game that it was trained on, begun at random where the game has an action for waiting."""
@@ -101,8 +103,17 @@ def evaluate(
         Is told the return of each episode.
     on_step
         Is told the number of the episode and every decision; for videos.
+
+    Raises
+    ------
+    UsageError
+        When there is no such run, its agent has not begun to learn, or there is nothing to play.
     """
+    if (episodes is not None and episodes < 1) or (seed is not None and seed < 0):
+        raise UsageError(f"episodes must be 1 or more and seed 0 or more, not {episodes} and {seed}")
     player = load_player(run)
+    if player.perceiving:
+        raise UsageError(f"{run} has not learned to see yet, so there is no agent to play with: it needs more frames")
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
     rng = np.random.default_rng(seed)
     returns: list[float] = []
@@ -152,9 +163,11 @@ def load_player(run: str | Path) -> Player:
         trainer.agent.load_network(unnest(checkpoint.arrays, "agent/network"))
     except (KeyError, ValueError, RuntimeError) as error:
         raise SemrlError(f"the checkpoint of {run} does not fit its configuration ({error})") from error
+    position = checkpoint.arrays.get("schooling/position")
     return Player(
         config=config,
         pipeline=trainer.pipeline,
         agent=trainer.agent,
         decisions=int(checkpoint.arrays["decisions"]),
+        perceiving=position is not None and int(position) < len(trainer.schooling.stages),
     )

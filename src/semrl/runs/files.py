@@ -1,11 +1,14 @@
 """Writing files so that a power cut, a full disk or a kill never leaves half of one."""
 
+import contextlib
 import os
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from semrl.arrays import Arrays
 from semrl.errors import SemrlError
@@ -28,8 +31,10 @@ def write_atomic(path: Path, write: Callable[[IO[bytes]], Any]) -> None:
         temporary.replace(path)
         _sync_folder(path.parent)
     except OSError as error:
-        temporary.unlink(missing_ok=True)
         raise SemrlError(f"cannot write {path}: {error.strerror or error}") from error
+    finally:  # whatever went wrong: of a whole file nothing is left under this name
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:
@@ -54,12 +59,22 @@ def read_arrays(path: Path, *, prefixes: tuple[str, ...] = ("",)) -> Arrays:
         When the file is missing or damaged.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files if name.startswith(prefixes)}
+        with zipfile.ZipFile(path) as archive:
+            names = [name.removesuffix(".npy") for name in archive.namelist()]
+            return {name: _read_array(archive, name) for name in names if name.startswith(prefixes)}
     except FileNotFoundError:
         raise SemrlError(f"{path} does not exist") from None
     except Exception as error:  # zipfile, zlib and numpy each have errors of their own for damage
         raise SemrlError(f"{path} is damaged ({type(error).__name__}: {error})") from None
+
+
+def _read_array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
+    """Read one array to its very end, where the checksum is compared; ``np.load`` may stop before."""
+    with archive.open(f"{name}.npy") as file:
+        array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
+        if file.read(1):
+            raise ValueError(f"{name} is longer than it says")
+    return array
 
 
 def _sync_folder(folder: Path) -> None:

@@ -98,8 +98,8 @@ class RunFolder:
         """Read the manifest: versions, machine, seed, status, hashes."""
         try:
             content = json.loads(self.manifest_path.read_text())
-            if not isinstance(content, dict):
-                raise ValueError("not an object")
+            if not isinstance(content, dict) or not {"format", "status"} <= content.keys():
+                raise ValueError("it says nothing of format and status")
         except (OSError, ValueError) as error:
             raise UsageError(f"{self.manifest_path} is damaged: {error}") from None
         return content
@@ -140,10 +140,10 @@ class RunFolder:
             return None
         try:
             arrays = read_arrays(paths[-1], prefixes=("meta", *prefixes))
-            meta = array_to_json(arrays.pop("meta"))
-        except (SemrlError, KeyError, ValueError) as error:
+            meta = _read_meta(paths[-1], arrays)
+        except SemrlError as error:
             before = f"to go on from {paths[-2].name}" if len(paths) > 1 else "to start again"
-            raise SemrlError(f"{error or 'damaged checkpoint'}; delete this file {before}") from None
+            raise SemrlError(f"{error}; delete this file {before}") from None
         if meta["format"] != FORMAT:
             raise UsageError(f"{paths[-1]} has format {meta['format']}; this semrl reads format {FORMAT}")
         return Checkpoint(arrays=arrays, metrics_rows=meta["metrics_rows"], seconds=meta["seconds"])
@@ -152,6 +152,15 @@ class RunFolder:
         """Remove what an interrupted write left behind."""
         for left in [*self.path.glob("*.tmp"), *(self.path / "checkpoints").glob("*.tmp")]:
             left.unlink()
+
+
+def _read_meta(path: Path, arrays: Arrays) -> dict[str, Any]:
+    """Take what belongs beside a checkpoint's arrays out of them."""
+    try:
+        meta = array_to_json(arrays.pop("meta"))
+        return {name: meta[name] for name in ("format", "metrics_rows", "seconds")}
+    except (KeyError, TypeError, ValueError):
+        raise SemrlError(f"{path} is no checkpoint: what it says of itself is missing") from None
 
 
 def _provenance(config: RunConfig) -> dict[str, Any]:
@@ -179,5 +188,5 @@ def weights(arrays: Arrays) -> Arrays:
     return {
         name: value
         for name, value in arrays.items()
-        if name.startswith(("pipeline/", "agent/network/")) or name == "decisions"
+        if name.startswith(("pipeline/", "agent/network/")) or name in ("decisions", "schooling/position")
     }

@@ -1,9 +1,10 @@
 """Metrics as CSV: one row for every batch of a stage and every episode."""
 
+import contextlib
 import csv
 import io
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,7 @@ class MetricsFile:
     """
 
     def __init__(self, path: Path, *, n_rows: int = 0, seconds: float = 0.0) -> None:
-        kept = read_metrics(path)[:n_rows] if n_rows else []
+        kept = read_metrics(path)[:n_rows]
         text = io.StringIO()
         writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
         writer.writeheader()
@@ -49,8 +50,15 @@ class MetricsFile:
         return time.monotonic() - self._began
 
     def write(self, row: Mapping[str, Any]) -> None:
-        """Append one row."""
-        self._writer.writerow({**row, "seconds": round(self.seconds, 3)})
+        """Append one row.
+
+        Raises
+        ------
+        SemrlError
+            When the disk is full.
+        """
+        with self._told():
+            self._writer.writerow({**row, "seconds": round(self.seconds, 3)})
         self.n_rows += 1
 
     def flush(self) -> None:
@@ -61,20 +69,37 @@ class MetricsFile:
         SemrlError
             When the disk is full.
         """
-        try:
+        with self._told():
             self._file.flush()
+
+    def close(self) -> None:
+        """Close the file, whatever becomes of rows that no checkpoint knows of."""
+        with contextlib.suppress(OSError):
+            self._file.close()
+
+    @contextlib.contextmanager
+    def _told(self) -> Iterator[None]:
+        try:
+            yield
         except OSError as error:
             raise SemrlError(f"cannot write {self.path}: {error.strerror}") from error
 
-    def close(self) -> None:
-        """Close the file."""
-        self.flush()
-        self._file.close()
-
 
 def read_metrics(path: Path) -> list[dict[str, str]]:
-    """Read all whole rows; a half-written last line is left out."""
+    """Read all whole rows; a half-written last line is left out.
+
+    Raises
+    ------
+    SemrlError
+        When it is no table of numbers with our columns.
+    """
     if not path.exists():
         return []
-    lines = path.read_text().splitlines(keepends=True)
-    return list(csv.DictReader(line for line in lines if line.endswith("\n")))
+    try:
+        lines = path.read_text().splitlines(keepends=True)
+        rows = list(csv.DictReader(line for line in lines if line.endswith("\n")))
+    except (ValueError, csv.Error) as error:
+        raise SemrlError(f"{path} is damaged: {error}") from None
+    if any(tuple(row) != COLUMNS or None in row.values() for row in rows):
+        raise SemrlError(f"{path} is damaged: it does not have the columns {', '.join(COLUMNS)}")
+    return rows

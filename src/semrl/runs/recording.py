@@ -35,7 +35,7 @@ GALLERY_DECISIONS = 1000
 GALLERY_SAMPLES = 4
 
 _CODECS = ("libx264", "libopenh264", "mpeg4")  # the first that this build of FFmpeg has
-_DARK, _LIGHT = (18, 20, 24), (214, 218, 224)
+_DARK, _LIGHT = 20, (214, 218, 224)
 _GAP_PX, _LINE_PX = 24, 32
 
 
@@ -201,7 +201,7 @@ def _seen(pipeline: Pipeline, sight: Sight, side: int) -> Frame:
         return np.repeat(grey[:, :, None], 3, axis=2)
     palette = np.array([(0, 0, 0), *CLASS_COLOURS], np.uint8)
     numbers = np.where(sight.labels > 0, (sight.labels - 1) % len(CLASS_COLOURS) + 1, 0)
-    panel = cv2.resize(palette[numbers], (side, side), interpolation=cv2.INTER_NEAREST)
+    panel: Frame = np.asarray(cv2.resize(palette[numbers], (side, side), interpolation=cv2.INTER_NEAREST), np.uint8)
     centres = (sight.boxes_px[:, :2] + sight.boxes_px[:, 2:] / 2)[:, ::-1] * (side / IMAGE_SIZE_PX)  # (n, 2) x, y
     points = np.rint(centres).astype(int).tolist()
     for first, second in sight.edges.tolist():
@@ -209,7 +209,7 @@ def _seen(pipeline: Pipeline, sight: Sight, side: int) -> Frame:
     if pipeline.view == "ram" and sight.seen is not None:
         for i, (name, value) in enumerate(zip(ram_feature_names(pipeline.rom), sight.seen, strict=True)):
             _write(panel, f"{name}  {value:.3f}", (16, 40 + 32 * i))
-    return np.asarray(panel, np.uint8)
+    return panel
 
 
 def _colour(classes: Ints, i: int) -> tuple[int, int, int]:

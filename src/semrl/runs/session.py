@@ -3,10 +3,11 @@
 import contextlib
 import signal
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 import cv2
 import numpy as np
@@ -14,8 +15,8 @@ import torch
 from threadpoolctl import threadpool_limits
 
 from semrl.agent import DQN
-from semrl.arrays import digest
-from semrl.errors import SemrlError
+from semrl.arrays import Arrays, digest, unnest
+from semrl.errors import SemrlError, UsageError
 from semrl.pipeline import MODELS, Pipeline
 from semrl.runs.config import RunConfig
 from semrl.runs.folder import Checkpoint, RunFolder, weights
@@ -110,30 +111,24 @@ class _Session:
         self.config = config
         self.trainer = build_trainer(config, [self, *observers])
         self._stopped_by: signal.Signals | None = None
+        self._phase = self.trainer.phase
+        self._saved_at = time.monotonic()
 
     def run(self) -> TrainResult:
         manifest = self.folder.manifest()
         if manifest["status"] == "finished":
-            return TrainResult(**manifest["result"] | {"run": str(self.folder.path)})
-        self.folder.clean()
-        checkpoint = self.folder.load()
-        if checkpoint:
-            self._restore(checkpoint)
-        n_rows, seconds = (checkpoint.metrics_rows, checkpoint.seconds) if checkpoint else (0, 0.0)
-        self.metrics = MetricsFile(self.folder.metrics_path, n_rows=n_rows, seconds=seconds)
-        self._phase = self.trainer.phase
-        self._saved_at = time.monotonic()
-        self.folder.update_manifest(status="running")
-        try:
-            with self._listening():
+            return _told_before(manifest, self.folder)
+        with self._listening():
+            self._begin()
+            try:
                 self.trainer.run()
                 return self._finish()
-        except SemrlError as error:
-            with contextlib.suppress(SemrlError):  # a full disk must not hide the first error
-                self.folder.update_manifest(status="interrupted" if self._stopped_by else "failed")
-            raise error
-        finally:
-            self.metrics.close()
+            except Exception:
+                with contextlib.suppress(SemrlError):  # a full disk must not hide the first error
+                    self.folder.update_manifest(status="interrupted" if self._stopped_by else "failed")
+                raise
+            finally:
+                self.metrics.close()
 
     def on_row(self, row: Row) -> None:
         """Write what was measured."""
@@ -151,6 +146,18 @@ class _Session:
                 f"go on with: semrl train --run {self.folder.path} --resume"
             )
 
+    def _begin(self) -> None:
+        """Stand where the newest checkpoint stands, if there is one."""
+        self.folder.clean()
+        checkpoint = self.folder.load()
+        if checkpoint:
+            self._restore(checkpoint)
+        n_rows, seconds = (checkpoint.metrics_rows, checkpoint.seconds) if checkpoint else (0, 0.0)
+        self.metrics = MetricsFile(self.folder.metrics_path, n_rows=n_rows, seconds=seconds)
+        self._phase = self.trainer.phase
+        self._saved_at = time.monotonic()
+        self.folder.update_manifest(status="running")
+
     def _restore(self, checkpoint: Checkpoint) -> None:
         try:
             self.trainer.from_arrays(checkpoint.arrays)
@@ -159,29 +166,26 @@ class _Session:
             raise SemrlError(f"{name} does not fit this run's configuration ({error})") from error
 
     def _save(self) -> None:
+        arrays = self.trainer.to_arrays()
+        _check_weights(arrays)
         self.metrics.flush()
-        self.folder.save(
-            Checkpoint(
-                arrays=self.trainer.to_arrays(),
-                metrics_rows=self.metrics.n_rows,
-                seconds=self.metrics.seconds,
-            )
-        )
+        rows, seconds = self.metrics.n_rows, self.metrics.seconds
+        self.folder.save(Checkpoint(arrays=arrays, metrics_rows=rows, seconds=seconds))
         self._saved_at = time.monotonic()
 
     def _finish(self) -> TrainResult:
-        """Keep what is needed to play, note the hashes of everything, and drop the rest."""
+        """Note the hashes of everything, then keep what is needed to play and drop the rest."""
+        self._save()  # until the manifest says "finished", who goes on needs the whole state
         arrays = self.trainer.to_arrays()
         playable = weights(arrays)
         result = self._result()
-        self.metrics.flush()
-        checkpoint = Checkpoint(arrays=playable, metrics_rows=self.metrics.n_rows, seconds=result.seconds)
-        self.folder.save(checkpoint, keep=1)
         self.folder.update_manifest(
             status="finished",
             hashes={"state": digest(arrays), "weights": digest(playable)},
             result=result.__dict__,
         )
+        checkpoint = Checkpoint(arrays=playable, metrics_rows=self.metrics.n_rows, seconds=result.seconds)
+        self.folder.save(checkpoint, keep=1)
         return result
 
     def _result(self) -> TrainResult:
@@ -215,3 +219,19 @@ class _Session:
         finally:
             for number, handler in before.items():
                 signal.signal(number, handler)
+
+
+def _check_weights(arrays: Arrays) -> None:
+    """Keep weights that are not numbers out of the checkpoints: the last good one stays."""
+    if not all(np.isfinite(value).all() for value in unnest(arrays, "agent/network").values()):
+        raise SemrlError(
+            "the weights are no longer numbers: learning has diverged; try a smaller --agent.learning-rate"
+        )
+
+
+def _told_before(manifest: Mapping[str, Any], folder: RunFolder) -> TrainResult:
+    """Return the result that a finished run has noted."""
+    try:
+        return TrainResult(**manifest["result"] | {"run": str(folder.path)})
+    except (KeyError, TypeError):
+        raise UsageError(f"{folder.manifest_path} is damaged: it does not hold the result of the run") from None

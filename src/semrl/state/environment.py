@@ -30,6 +30,14 @@ class EnvironmentConfig:
     max_noops: int = 0
     """At most so many random no-op decisions at the start of an episode."""
 
+    def __post_init__(self) -> None:
+        if self.frame_skip < 1:
+            raise UsageError(f"frame_skip must be 1 or more, not {self.frame_skip}")
+        if not 0 <= self.sticky_actions <= 1:
+            raise UsageError(f"sticky_actions must lie between 0 and 1, not {self.sticky_actions}")
+        if self.max_noops < 0:
+            raise UsageError(f"max_noops must be 0 or more, not {self.max_noops}")
+
 
 class FrameSkip(gym.Wrapper[Any, Any, Any, Any]):
     """Hold each action for a number of frames and sum the rewards; for games that cannot do it themselves."""

@@ -1,0 +1,24 @@
+"""Scenes as vectors, and how alike two scenes are (§3.2.3, §4.1.3)."""
+
+import numpy as np
+import tyro
+from classify import learn_to_see
+
+from semrl.embedding import HashedEmbedding
+from semrl.state import to_grey
+
+
+def main(batches: int = 100, decisions: int = 10) -> None:
+    """Print the cosine similarity of each two adjacent frames of a game."""
+    pipeline, game = learn_to_see(batches)
+    embedding = HashedEmbedding()
+    before = embedding.transform(pipeline.scene(to_grey(game.step(0).observation.frame)))
+    for decision in range(decisions):
+        after = embedding.transform(pipeline.scene(to_grey(game.step(0).observation.frame)))
+        cosine = before @ after / max(np.linalg.norm(before) * np.linalg.norm(after), 1e-9)
+        print(f"decision {decision + 1:2}: cosine similarity {cosine:.3f}")
+        before = after
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
