@@ -9,10 +9,11 @@ from semrl.cli.report import main as report
 from semrl.detection import DetectionConfig
 from semrl.errors import UsageError
 from semrl.pipeline import Pipeline, PipelineConfig
-from semrl.runs import recording, train
+from semrl.runs import gallery, recording, sight, train
 from semrl.runs.config import from_dict
 from semrl.runs.evaluation import Step
 from semrl.runs.files import read_arrays
+from semrl.runs.sight import CLASS_COLOURS
 from semrl.state import to_grey
 from semrl.types import Observation
 
@@ -90,12 +91,12 @@ def test_places_that_cannot_be_written_are_told_first(tmp_path, name, monkeypatc
 
 
 def test_boxes_surround_what_they_mark(otsu):
-    sight = recording.look(otsu, step().observation)
-    assert [10, 15, 3, 3] in sight.boxes_px.tolist()
-    assert sight.labels[11, 16] == 1 and sight.labels[5, 5] == 0
+    looked = sight.look(otsu, step().observation)
+    assert [10, 15, 3, 3] in looked.boxes_px.tolist()
+    assert looked.labels[11, 16] == 1 and looked.labels[5, 5] == 0
     picture = recording.compose(otsu, step(), 0)
     bright = frame_with_ball(20, 30).max(axis=2).repeat(3, 0).repeat(3, 1) > 0
-    blue = (picture[:504, :504] == recording.CLASS_COLOURS[0]).all(axis=2)
+    blue = (picture[:504, :504] == CLASS_COLOURS[0]).all(axis=2)
     assert blue[57:60, 90:108].any() and not blue[100:400].any()  # just above the ball, and nowhere else
     assert (picture[:504, :504][bright & ~blue].max(axis=1) > 0).all()
 
@@ -130,8 +131,8 @@ def few_decisions(monkeypatch):
 
 
 def test_a_gallery_holds_what_perception_saw(run):
-    arrays = read_arrays(recording.save_gallery(run, seed=3))
-    n = recording.GALLERY_SAMPLES
+    arrays = read_arrays(gallery.save_gallery(run, seed=3))
+    n = gallery.GALLERY_SAMPLES
     assert arrays["frames"].shape == (n, 168, 168, 3) and arrays["greys"].shape == (n, 84, 84)
     assert all(np.array_equal(to_grey(f), g) for f, g in zip(arrays["frames"], arrays["greys"], strict=True))
     boxes, classes, edges = (arrays_to_ragged(unnest(arrays, name)) for name in ("boxes", "classes", "edges"))
@@ -147,8 +148,8 @@ def test_a_gallery_holds_what_perception_saw(run):
 
 
 def test_a_gallery_repeats(run):
-    first = read_arrays(recording.save_gallery(run, seed=3))
-    second = read_arrays(recording.save_gallery(run, seed=3))
+    first = read_arrays(gallery.save_gallery(run, seed=3))
+    second = read_arrays(gallery.save_gallery(run, seed=3))
     assert all(np.array_equal(first[name], second[name]) for name in first)
 
 

@@ -9,7 +9,6 @@ from numpy.typing import DTypeLike, NDArray
 from semrl.arrays import Arrays
 from semrl.types import Ints
 
-
 REWARD_WINDOW = 64
 """Decisions before a reward that count as having led to it."""
 

@@ -13,7 +13,7 @@ from semrl.errors import UsageError
 from semrl.report import write_report
 from semrl.runs import RunConfig, RunFolder
 from semrl.runs.config import to_dict
-from semrl.runs.recording import save_gallery
+from semrl.runs.gallery import save_gallery
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,9 +4,9 @@ import difflib
 import importlib.resources
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 import msgspec
 import tomli_w
@@ -29,9 +29,9 @@ class EvaluationConfig:
     episodes: int = 30
     """Episodes to play."""
     max_noops: int = 30
-    """At most so many random no-op decisions at the start of an episode, so that no two are alike."""
-    exploration: float = 0.0
-    """Probability of a random action."""
+    """At most so many random no-op decisions at the start of an episode, in games that have an action for it."""
+    exploration: float = 0.01
+    """Probability of a random action, the least of training (§3.3): in a deterministic game it tells episodes apart."""
 
     def __post_init__(self) -> None:
         if self.episodes < 1 or self.max_noops < 0:
@@ -140,7 +140,7 @@ def from_dict(values: Mapping[str, Any], *, source: str) -> RunConfig:
 
 def to_dict(config: RunConfig) -> dict[str, Any]:
     """Return the configuration as nested dictionaries of TOML types."""
-    return cast(dict[str, Any], msgspec.to_builtins(config))
+    return asdict(config)  # msgspec would leave out what has its default, and defaults may change
 
 
 def read_toml(path: Path) -> dict[str, Any]:

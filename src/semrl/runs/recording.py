@@ -1,8 +1,7 @@
-"""Keeping what perception sees: a video of an episode, and a gallery of arrays for the report."""
+"""A video of an episode: the frame with its objects, beside what the agent sees."""
 
 import contextlib
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,80 +9,21 @@ import av
 import cv2
 import imageio.v3 as iio
 import numpy as np
-from numpy.typing import NDArray
 
-from semrl.arrays import Arrays, json_to_array, nest, ragged_to_arrays
-from semrl.embedding import build_scene_graph
-from semrl.errors import DataError, SemrlError, UsageError
+from semrl.errors import SemrlError, UsageError
 from semrl.pipeline import Pipeline
 from semrl.runs.evaluation import Step, load_player
-from semrl.runs.files import write_arrays
-from semrl.runs.session import limited_threads
-from semrl.state import Game, ram_feature_names, to_grey
-from semrl.types import IMAGE_SIZE_PX, Frame, Image, Ints, Observation
-
-CLASS_COLOURS: tuple[tuple[int, int, int], ...] = (
-    (59, 142, 234), (242, 169, 59), (53, 183, 121), (232, 87, 90), (167, 123, 220),
-    (63, 193, 201), (241, 120, 182), (201, 201, 74), (181, 131, 90), (154, 165, 177),
-)  # fmt: skip
-"""RGB of class 0, 1, …; later classes begin again."""
+from semrl.runs.sight import CLASS_COLOURS, Sight, look
+from semrl.state import ram_feature_names
+from semrl.types import IMAGE_SIZE_PX, Frame, Ints
 
 VIDEO_RATE = 30
 """Decisions a second in videos: twice the speed of a game of 60 frames a second and frame skip 4."""
 MAX_VIDEO_FRAMES = 60 * VIDEO_RATE
-GALLERY_DECISIONS = 1000
-GALLERY_SAMPLES = 4
 
 _CODECS = ("libx264", "libopenh264", "mpeg4")  # the first that this build of FFmpeg has
 _DARK, _LIGHT = 20, (214, 218, 224)
 _GAP_PX, _LINE_PX = 24, 32
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Sight:
-    """What perception makes of one frame; everything it has not learned stays empty.
-
-    Attributes
-    ----------
-    boxes_px
-        ``(n, 4)`` int64, top, left, height and width in the 84×84 image.
-    classes
-        ``(n,)`` int64, or ``(0,)`` where objects have no classes.
-    edges
-        ``(m, 2)`` int64, pairs of objects that the scene graph joins.
-    labels
-        ``(84, 84)`` int64: 0 for the background, class + 1 for objects.
-    seen
-        What the agent is shown: an image, a vector, or None while that is not learned.
-    """
-
-    boxes_px: Ints
-    classes: Ints
-    edges: Ints
-    labels: Ints
-    seen: NDArray[Any] | None
-
-
-def look(pipeline: Pipeline, observation: Observation) -> Sight:
-    """Look at one frame as a run's perception does."""
-    with contextlib.suppress(DataError):
-        return _look(pipeline, observation, pipeline.encode(observation))
-    return _look(pipeline, observation, None)
-
-
-def _look(pipeline: Pipeline, observation: Observation, seen: NDArray[Any] | None) -> Sight:
-    classes, edges = np.empty(0, np.int64), np.empty((0, 2), np.int64)
-    if pipeline.view in ("grey", "ram") or not pipeline.detector.is_fitted:
-        blank = np.zeros((IMAGE_SIZE_PX, IMAGE_SIZE_PX), np.int64)
-        return Sight(boxes_px=np.empty((0, 4), np.int64), classes=classes, edges=edges, labels=blank, seen=seen)
-    objects = pipeline.detector.detect(to_grey(observation.frame))
-    if pipeline.birch.n_leaves_:
-        classes = pipeline.classes(objects)
-    if pipeline.view == "embedding" and len(classes):
-        edges = build_scene_graph(classes, objects.centres_px, pipeline.config.scene.proximity_px).edges
-    numbers = classes if len(classes) else np.zeros(len(objects), np.int64)
-    labels = np.append(0, numbers + 1)[objects.labels]
-    return Sight(boxes_px=objects.boxes_px, classes=classes, edges=edges, labels=labels, seen=seen)
 
 
 @contextlib.contextmanager
@@ -218,93 +158,3 @@ def _colour(classes: Ints, i: int) -> tuple[int, int, int]:
 
 def _write(canvas: Frame, text: str, place: tuple[int, int]) -> None:
     cv2.putText(canvas, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.55, _LIGHT, 1, cv2.LINE_AA)
-
-
-def save_gallery(run: Path, seed: int) -> Path:
-    """Play at random with a run's perception and write ``gallery.npz``: all that a report shows of it.
-
-    The file holds ``frames (s, h, w, 3)``, ``greys (s, 84, 84)`` and, where the model has them, ``seen
-    (s, 84, 84)`` or ``vectors (s, d)``; ``boxes``, ``classes`` and ``edges`` of these frames as ragged
-    arrays; ``threshold`` in grey levels; ``explained_variance_ratio``; ``n_leaves``, ``class_numbers
-    (k,)``, ``centres (k, 8, 8)`` and ``class_counts (k,)``, how many objects of each class were seen;
-    ``palette (c, 3)``, the RGB that class i is drawn in (modulo c); and ``meta``.
-
-    Parameters
-    ----------
-    run
-        Folder of the run.
-    seed
-        Of the game and the random actions.
-    """
-    player = load_player(run)
-    rng = np.random.default_rng(seed)
-    counts = np.zeros(player.config.pipeline.birch.max_classes, np.int64)
-    samples: list[tuple[Observation, Sight]] = []
-    best = -1.0
-    with limited_threads(player.config.threads):
-        for i, observation in enumerate(_wander(player.new_game(seed), rng)):
-            sight = look(player.pipeline, observation)
-            counts += np.bincount(sight.classes, minlength=len(counts))
-            richness = len(np.unique(sight.classes)) + len(sight.boxes_px) / 1000
-            if i % (GALLERY_DECISIONS // GALLERY_SAMPLES) == 0:  # of each stretch the richest frame is kept
-                samples.append((observation, sight))
-                best = richness
-            elif richness > best:
-                samples[-1], best = (observation, sight), richness
-    meta = {
-        "view": player.pipeline.view,
-        "names": ram_feature_names(player.pipeline.rom) if player.pipeline.view == "ram" else (),
-        "seed": seed,
-        "decisions": player.decisions,
-        "played": GALLERY_DECISIONS,
-    }
-    path = Path(run) / "gallery.npz"
-    write_arrays(path, {"meta": json_to_array(meta), **_sampled(samples), **_learned(player.pipeline, counts)})
-    return path
-
-
-def _wander(game: Game, rng: np.random.Generator) -> Iterator[Observation]:
-    """Act at random and yield what is seen, over as many episodes as it takes."""
-    observation = game.reset()
-    for _ in range(GALLERY_DECISIONS):
-        yield observation
-        outcome = game.step(int(rng.integers(game.n_actions)))
-        observation = game.reset() if outcome.done else outcome.observation
-
-
-def _sampled(samples: Sequence[tuple[Observation, Sight]]) -> Arrays:
-    """Write the sample frames and what is seen in them as arrays."""
-    frames = [observation.frame for observation, _ in samples]
-    sights = [sight for _, sight in samples]
-    greys: list[Image] = [to_grey(frame) for frame in frames]
-    arrays: Arrays = {
-        "frames": np.stack(frames),
-        "greys": np.stack(greys),
-        "palette": np.array(CLASS_COLOURS, np.uint8),
-    }
-    seen = [sight.seen for sight in sights if sight.seen is not None]
-    if len(seen) == len(samples):
-        arrays["seen" if seen[0].ndim == 2 else "vectors"] = np.stack(seen)
-    return arrays | nest(
-        boxes=ragged_to_arrays([s.boxes_px for s in sights], like=np.empty((0, 4), np.int64)),
-        classes=ragged_to_arrays([s.classes for s in sights], like=np.empty(0, np.int64)),
-        edges=ragged_to_arrays([s.edges for s in sights], like=np.empty((0, 2), np.int64)),
-    )
-
-
-def _learned(pipeline: Pipeline, counts: Ints) -> Arrays:
-    """Write what the stages of perception have learned, as far as they came."""
-    arrays: Arrays = {}
-    if pipeline.view in ("grey", "ram"):
-        return arrays
-    if pipeline.detector.is_fitted:
-        arrays["threshold"] = np.array(pipeline.detector.threshold_)
-    if pipeline.pca.is_fitted:
-        arrays["explained_variance_ratio"] = pipeline.pca.explained_variance_ratio_
-    if pipeline.birch.n_leaves_:
-        numbers = pipeline.birch.classes_
-        size = pipeline.detector.crop_size_px
-        centres = pipeline.pca.inverse_transform(pipeline.birch.centres_).reshape(-1, size, size)
-        arrays |= {"class_numbers": numbers, "centres": centres, "class_counts": counts[numbers]}
-        arrays["n_leaves"] = np.array(pipeline.birch.n_leaves_)
-    return arrays

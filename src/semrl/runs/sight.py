@@ -1,0 +1,67 @@
+"""What a run's perception makes of one frame: for videos and reports."""
+
+import contextlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.embedding import build_scene_graph
+from semrl.errors import DataError
+from semrl.pipeline import Pipeline
+from semrl.state import to_grey
+from semrl.types import IMAGE_SIZE_PX, Ints, Observation
+
+CLASS_COLOURS: tuple[tuple[int, int, int], ...] = (
+    (59, 142, 234), (242, 169, 59), (53, 183, 121), (232, 87, 90), (167, 123, 220),
+    (63, 193, 201), (241, 120, 182), (201, 201, 74), (181, 131, 90), (154, 165, 177),
+)  # fmt: skip
+"""RGB of class 0, 1, …; later classes begin again."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Sight:
+    """What perception makes of one frame; everything it has not learned stays empty.
+
+    Attributes
+    ----------
+    boxes_px
+        ``(n, 4)`` int64, top, left, height and width in the 84×84 image.
+    classes
+        ``(n,)`` int64, or ``(0,)`` where objects have no classes.
+    edges
+        ``(m, 2)`` int64, pairs of objects that the scene graph joins.
+    labels
+        ``(84, 84)`` int64: 0 for the background, class + 1 for objects.
+    seen
+        What the agent is shown: an image, a vector, or None while that is not learned.
+    """
+
+    boxes_px: Ints
+    classes: Ints
+    edges: Ints
+    labels: Ints
+    seen: NDArray[Any] | None
+
+
+def look(pipeline: Pipeline, observation: Observation) -> Sight:
+    """Look at one frame as a run's perception does."""
+    with contextlib.suppress(DataError):
+        return _look(pipeline, observation, pipeline.encode(observation))
+    return _look(pipeline, observation, None)
+
+
+def _look(pipeline: Pipeline, observation: Observation, seen: NDArray[Any] | None) -> Sight:
+    classes, edges = np.empty(0, np.int64), np.empty((0, 2), np.int64)
+    if pipeline.view in ("grey", "ram") or not pipeline.detector.is_fitted:
+        blank = np.zeros((IMAGE_SIZE_PX, IMAGE_SIZE_PX), np.int64)
+        return Sight(boxes_px=np.empty((0, 4), np.int64), classes=classes, edges=edges, labels=blank, seen=seen)
+    objects = pipeline.detector.detect(to_grey(observation.frame))
+    if pipeline.birch.n_leaves_:
+        classes = pipeline.classes(objects)
+    if pipeline.view == "embedding" and len(classes):
+        edges = build_scene_graph(classes, objects.centres_px, pipeline.config.scene.proximity_px).edges
+    numbers = classes if len(classes) else np.zeros(len(objects), np.int64)
+    labels = np.append(0, numbers + 1)[objects.labels]
+    return Sight(boxes_px=objects.boxes_px, classes=classes, edges=edges, labels=labels, seen=seen)

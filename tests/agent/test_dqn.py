@@ -1,0 +1,251 @@
+"""Deep Q-learning, its targets worked out by hand."""
+
+import numpy as np
+import pytest
+import torch
+
+from semrl.agent import DQN, DQNConfig, NetworkConfig
+from semrl.agent.replay import Batch
+from semrl.arrays import digest, unnest
+from semrl.errors import SemrlError
+
+SMALL = NetworkConfig(hidden_units=(16,))
+
+
+def agent_with(seed=0, shape=(3,), n_actions=2, **settings):
+    settings = {"network": SMALL, "replay_capacity": 200, "initial_buffer": 20, "decisions_per_update": 2, **settings}
+    return DQN(DQNConfig(**settings), shape, np.float32, n_actions, frame_skip=4, seed=seed)
+
+
+def live(agent, decisions, seed=0, episode=9, start=0):
+    """A life among random observations; every episode's end is a terminal one or a time limit, in turn."""
+    rng = np.random.default_rng(seed)
+    observations = rng.normal(size=(start + decisions + 1, *agent.replay.latest(1).shape[2:])).astype(np.float32)
+    rewards = rng.integers(-3, 4, size=start + decisions)
+    for i in range(start, start + decisions):
+        first, last = i % episode == 0, i % episode == episode - 1
+        state = np.stack([observations[i], observations[i if first else i - 1]])
+        action = agent.act(state)
+        terminated = last and i // episode % 2 == 0
+        agent.observe(observations[i], action, float(rewards[i]), terminated=terminated, start=first)
+        if last:
+            agent.end_episode(observations[i + 1])
+    return agent
+
+
+def copied(arrays):
+    return {name: array.copy() for name, array in arrays.items()}
+
+
+def one_transition(discount, seed=0, shape=(3,), reward=0.7):
+    rng = np.random.default_rng(seed)
+    states, next_states = rng.normal(size=(2, 1, 2, *shape)).astype(np.float32)
+    return Batch(
+        states=states,
+        actions=np.array([1]),
+        returns=np.array([reward], np.float32),
+        next_states=next_states,
+        discounts=np.array([discount], np.float32),
+    )
+
+
+def values(network, states):
+    with torch.no_grad():
+        return network(torch.from_numpy(states)).numpy()[0].astype(float)
+
+
+def huber(error):
+    return error**2 / 2 if abs(error) < 1 else abs(error) - 0.5
+
+
+def unequal_networks(**settings):
+    """An agent whose online and target networks prefer different actions in the next state."""
+    agent = agent_with(n_actions=4, **settings)
+    for seed in range(1, 100):
+        agent.load_network(unnest(agent_with(seed=seed, n_actions=4).to_arrays(), "network"))
+        online, target = (values(n, one_transition(1.0).next_states) for n in (agent.network, agent.target))
+        if online.argmax() != target.argmax():
+            return agent, online, target
+    raise AssertionError("no such networks")
+
+
+@pytest.mark.parametrize("double", [False, True])
+@pytest.mark.parametrize("discount", [0.99, 0.99**3, 0.0])
+@pytest.mark.parametrize("reward", [0.7, 30.0])
+def test_the_loss_is_that_of_the_target_by_hand(double, discount, reward):
+    agent, online, target = unequal_networks(double=double)
+    batch = one_transition(discount, reward=reward)
+    value = target[online.argmax()] if double else target.max()
+    error = values(agent.network, batch.states)[1] - (reward + discount * value)
+    agent.update(batch)
+    assert agent.loss_ == pytest.approx(huber(error), rel=1e-4, abs=1e-6)
+    assert target[online.argmax()] != target.max()
+
+
+def test_an_update_moves_the_value_towards_the_target():
+    agent = agent_with(learning_rate=1e-2, adam_beta1=0.9, target_updates=10**6)
+    batch = one_transition(0.0)
+    before = abs(values(agent.network, batch.states)[1] - 0.7)
+    for _ in range(200):
+        agent.update(batch)
+    assert abs(values(agent.network, batch.states)[1] - 0.7) < 0.01 < before
+
+
+def test_two_step_targets_reach_the_next_network_value_after_two_rewards():
+    agent = agent_with(n_steps=2, discount=0.5, batch_size=64, clip_rewards=False, initial_buffer=10**6)
+    observations = np.eye(3, dtype=np.float32)
+    for i, reward in enumerate([1.0, 4.0]):
+        agent.observe(observations[i], 0, reward, terminated=False, start=i == 0)
+    agent.end_episode(observations[2])
+    batch = agent.replay.sample(np.random.default_rng(0), 64, n_steps=2, discount=0.5)
+    first = batch.states[:, 0, 0] == 1
+    assert set(batch.returns[first]) == {3.0} and set(batch.discounts[first]) == {0.25}
+    assert set(batch.returns[~first]) == {4.0} and set(batch.discounts[~first]) == {0.5}
+    assert (batch.next_states[:, 0, 2] == 1).all()
+
+
+def test_exploration_falls_exponentially_with_frames():
+    agent = agent_with(exploration_frames=800, initial_buffer=10**6)
+    assert agent.exploration == 1.0
+    live(agent, 100)  # 400 of 800 frames
+    assert agent.exploration == pytest.approx(np.sqrt(1.0 * 0.01))
+    live(agent, 100)
+    assert agent.exploration == pytest.approx(0.01)
+    live(agent, 100)
+    assert agent.exploration == pytest.approx(0.01)
+
+
+def test_the_thesis_settings():
+    c = DQNConfig()
+    assert (c.exploration_frames, c.exploration_max, c.exploration_min) == (30_000, 1.0, 0.01)
+    assert (c.learning_rate, c.adam_beta1, c.adam_beta2) == (1e-4, 0.99, 0.999)
+    assert (c.batch_size, c.replay_capacity, c.initial_buffer, c.discount) == (32, 100_000, 10_000, 0.99)
+
+
+def test_exploration_decides_between_chance_and_the_best_action():
+    state = np.ones((2, 3), np.float32)
+    greedy = agent_with(exploration_max=1e-12, exploration_min=1e-12, n_actions=4)
+    assert {greedy.act(state) for _ in range(50)} == {greedy.best_action(state)}
+    assert greedy.best_action(state) == values(greedy.network, state[None]).argmax()
+    counts = np.bincount([agent_with(seed=s, n_actions=4).act(state) for s in range(400)], minlength=4)
+    assert counts.min() > 60
+
+
+def test_learning_begins_with_the_initial_buffer_and_keeps_its_pace():
+    agent = agent_with(initial_buffer=20, decisions_per_update=5, updates=3)
+    updates = []
+    for i in range(31):
+        live(agent, 1, start=i)
+        updates.append(agent.updates_)
+    assert updates[18] == 0 and updates[19] == 3 and updates[23] == 3 and updates[24] == 6 and updates[30] == 9
+
+
+def weights(module):
+    return np.concatenate([p.detach().numpy().ravel() for p in module.parameters()])
+
+
+def test_hard_renewal_copies_the_network_now_and_then():
+    agent = agent_with(target_updates=3, learning_rate=1e-2)
+    first = weights(agent.target).copy()
+    for i in range(1, 7):
+        agent.update(one_transition(0.9, seed=i))
+        if i < 3:
+            np.testing.assert_array_equal(weights(agent.target), first)
+        assert np.array_equal(weights(agent.target), weights(agent.network)) == (i % 3 == 0)
+
+
+def test_soft_renewal_takes_over_a_share_each_time():
+    agent = agent_with(target_updates=1, target_rate=0.1, learning_rate=1e-2)
+    for i in range(5):
+        before = weights(agent.target).copy()
+        agent.update(one_transition(0.9, seed=i))
+        np.testing.assert_allclose(weights(agent.target), 0.9 * before + 0.1 * weights(agent.network), atol=1e-6)
+
+
+def test_divergence_is_told_in_one_line():
+    agent = agent_with()
+    with pytest.raises(SemrlError, match="loss is nan after 0 updates.*learning-rate"):
+        agent.update(one_transition(0.9, reward=np.nan))
+
+
+@pytest.mark.parametrize(("clip", "expected"), [(True, {-1.0, 0.0, 1.0}), (False, set(map(float, range(-3, 4))))])
+def test_rewards_are_clipped_to_their_sign(clip, expected):
+    agent = live(agent_with(clip_rewards=clip, initial_buffer=10**6), 150)
+    assert set(agent.to_arrays()["replay/rewards"].tolist()) == expected
+
+
+FULL = {
+    "plain": {},
+    "everything": {
+        "double": True, "n_steps": 3, "reward_share": 0.25, "target_rate": 0.1, "target_updates": 1,
+        "exploration_hold": 4, "temperature": 0.1, "max_gradient_norm": 1.0,
+        "network": NetworkConfig(hidden_units=(16, 16), layer_norm=True, normalise_input=True),
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("settings", FULL.values(), ids=FULL)
+@pytest.mark.parametrize("decisions", [5, 20, 61, 400])
+def test_restored_it_goes_on_bit_for_bit(settings, decisions):
+    straight = live(agent_with(**settings), decisions)
+    saved = copied(straight.to_arrays())
+    restored = agent_with(seed=9, **settings)
+    restored.from_arrays(saved)
+    assert digest(restored.to_arrays()) == digest(saved)
+    for agent in (straight, restored):
+        live(agent, 80, start=decisions)
+    assert straight.updates_ > 20
+    assert digest(straight.to_arrays()) == digest(restored.to_arrays())
+
+
+def test_the_same_seed_learns_the_same():
+    one, two, other = (live(agent_with(seed=s), 100) for s in (0, 0, 1))
+    assert digest(one.to_arrays()) == digest(two.to_arrays()) != digest(other.to_arrays())
+
+
+def test_images_are_learned_from_as_well():
+    agent = DQN(
+        DQNConfig(replay_capacity=50, initial_buffer=10, decisions_per_update=5, batch_size=4),
+        (84, 84), np.uint8, 2, frame_skip=4, seed=0,
+    )  # fmt: skip
+    frames = np.random.default_rng(0).integers(256, size=(16, 84, 84), dtype=np.uint8)
+    for i in range(15):
+        agent.observe(frames[i], i % 2, 1.0, terminated=False, start=i == 0)
+    assert agent.updates_ == 2 and np.isfinite(agent.loss_)
+    saved = copied(agent.to_arrays())
+    restored = DQN(agent.config, (84, 84), np.uint8, 2, frame_skip=4, seed=5)
+    restored.from_arrays(saved)
+    for a in (agent, restored):
+        for i in range(10):
+            a.observe(frames[i], i % 2, -1.0, terminated=False, start=False)
+    assert digest(agent.to_arrays()) == digest(restored.to_arrays())
+
+
+def test_the_normaliser_is_measured_once_on_the_initial_buffer():
+    network = NetworkConfig(hidden_units=(16,), normalise_input=True)
+    agent = live(agent_with(network=network, initial_buffer=50), 49)
+    assert (agent.to_arrays()["network/0.scale"] == 1).all()
+    live(agent, 1, start=49)
+    states = agent.replay.latest(50)
+    mean = np.stack([states[:, 0], states[:, 0] - states[:, 1]], axis=1).mean(axis=0)
+    for name in ("network", "target"):
+        np.testing.assert_allclose(agent.to_arrays()[f"{name}/0.mean"], mean, atol=1e-5)
+    measured = copied(unnest(agent.to_arrays(), "network"))["0.mean"]
+    live(agent, 60, start=50)
+    np.testing.assert_array_equal(agent.to_arrays()["network/0.mean"], measured)
+
+
+def test_a_random_action_is_held():
+    agent = agent_with(exploration_hold=5, n_actions=4, exploration_min=1.0, initial_buffer=10**6)
+    state = np.zeros((2, 3), np.float32)
+    actions = np.array([agent.act(state) for _ in range(2000)])
+    kept = (actions[1:] == actions[:-1]).mean()
+    assert kept == pytest.approx(1 - 0.75 / 3, abs=0.04)  # drawn anew every 3 decisions on average
+
+
+def test_temperature_draws_by_softmax():
+    agent = agent_with(n_actions=3, temperature=0.2, exploration_max=1e-12, exploration_min=1e-12)
+    state = np.ones((2, 3), np.float32)
+    scores = np.exp(values(agent.network, state[None]) / 0.2)
+    shares = np.bincount([agent.act(state) for _ in range(4000)], minlength=3) / 4000
+    np.testing.assert_allclose(shares, scores / scores.sum(), atol=0.04)

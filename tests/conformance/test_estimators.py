@@ -1,0 +1,290 @@
+"""One list of checks for every public estimator; a new one is found and checked without a word here."""
+
+import ast
+import dataclasses
+import importlib
+import inspect
+import io
+import pkgutil
+
+import numpy as np
+import pytest
+import torch
+
+import semrl.clustering
+import semrl.detection
+import semrl.embedding
+import semrl.reduction
+from semrl.arrays import digest
+from semrl.embedding import build_scene_graph
+from semrl.errors import DataError
+from semrl.protocols import Persistent
+
+PACKAGES = [semrl.detection, semrl.reduction, semrl.clustering, semrl.embedding]
+ANSWERS = ("detect", "predict", "transform")
+
+
+def discover():
+    """Every public class with something to learn, something to tell and a state."""
+    found = {}
+    for package in PACKAGES:
+        for module in pkgutil.iter_modules(package.__path__, package.__name__ + "."):
+            for name, cls in vars(importlib.import_module(module.name)).items():
+                if (
+                    inspect.isclass(cls)
+                    and not name.startswith("_")
+                    and cls.__module__ == module.name
+                    and (hasattr(cls, "partial_fit") or hasattr(cls, "fit"))
+                    and any(hasattr(cls, answer) for answer in ANSWERS)
+                ):
+                    found[name] = cls
+    return found
+
+
+ESTIMATORS = discover()
+each_estimator = pytest.mark.parametrize("cls", ESTIMATORS.values(), ids=ESTIMATORS)
+
+
+def images(seed):
+    rng = np.random.default_rng(seed)
+    shown = rng.integers(0, 60, size=(60, 84, 84)).astype(np.uint8)
+    for image in shown:
+        for row, column in rng.integers(4, 70, size=(6, 2)):
+            image[row : row + rng.integers(1, 12), column : column + rng.integers(1, 12)] = 200
+    return list(shown)
+
+
+def rows(seed):
+    rng = np.random.default_rng(seed)
+    centres = 3 * np.eye(16)[:6]
+    return [(centres[rng.integers(6, size=20)] + 0.1 * rng.normal(size=(20, 16))).astype(np.float32) for _ in range(12)]
+
+
+def scenes(seed):
+    rng = np.random.default_rng(seed)
+    return [
+        build_scene_graph(rng.integers(4, size=6), rng.integers(84, size=(6, 2)).astype(np.float32), 20.0)
+        for _ in range(30)
+    ]
+
+
+def batches(cls, seed=0):
+    """What one call of learning takes, several times."""
+    if hasattr(cls, "detect"):
+        return images(seed)
+    return rows(seed) if hasattr(cls, "partial_fit") else scenes(seed)
+
+
+def learn(estimator, data):
+    if hasattr(estimator, "partial_fit"):
+        for batch in data:
+            assert estimator.partial_fit(batch) is estimator
+    else:
+        assert estimator.fit(data) is estimator
+    return estimator
+
+
+def answer(estimator, batch):
+    """The answer as arrays."""
+    told = next(getattr(estimator, name) for name in ANSWERS if hasattr(estimator, name))(batch)
+    return parts(told) if dataclasses.is_dataclass(told) else {"": told}
+
+
+def parts(value):
+    """The arrays of an input or an answer."""
+    if dataclasses.is_dataclass(value):
+        return {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
+    return {"": value}
+
+
+def learned(cls, seed=0):
+    return learn(cls(), batches(cls, seed))
+
+
+def copied(estimator):
+    return {name: array.copy() for name, array in estimator.to_arrays().items()}
+
+
+def learns(cls):
+    """Whether it learns at all: an embedding by hashing does not."""
+    return bool(learned(cls).to_arrays())
+
+
+def documented_fields(config_class):
+    """Fields with a docstring below them, or an entry in the class's list of attributes."""
+    tree = ast.parse(inspect.getsource(config_class)).body[0]
+    documented = set()
+    for field, after in zip(tree.body, [*tree.body[1:], None], strict=True):
+        is_text = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
+        if isinstance(field, ast.AnnAssign) and is_text:
+            documented.add(field.target.id)
+    lines = inspect.getdoc(config_class).splitlines()
+    listed = {name.strip() for line in lines if not line.startswith(" ") for name in line.split(",")}
+    return documented | (listed if "Attributes" in lines else set())
+
+
+def test_all_estimators_are_found():
+    assert {"OtsuDetector", "ObjectPCA", "Birch", "CFTree", "Doc2VecEmbedding", "HashedEmbedding"} <= set(ESTIMATORS)
+
+
+@each_estimator
+def test_it_can_be_saved(cls):
+    assert isinstance(cls(), Persistent)
+
+
+@each_estimator
+def test_its_configuration_is_frozen_named_and_documented(cls):
+    config = cls().config
+    kind = type(config)
+    assert kind.__name__.endswith("Config") and dataclasses.is_dataclass(kind)
+    assert kind.__module__ == cls.__module__
+    assert kind.__dataclass_params__.frozen
+    fields = dataclasses.fields(kind)
+    assert all(f.kw_only for f in fields)
+    assert kind() == config  # there are defaults, and they are what is used
+    assert {f.name for f in fields} <= documented_fields(kind)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        setattr(config, fields[0].name, getattr(config, fields[0].name))
+
+
+@each_estimator
+def test_making_one_only_stores(cls):
+    assert list(inspect.signature(cls).parameters) == ["config"]
+    numpy_state, torch_state = np.random.get_state()[1].copy(), torch.random.get_rng_state()  # noqa: NPY002
+    config = type(cls().config)()
+    estimator = cls(config)
+    assert estimator.config is config
+    assert digest(estimator.to_arrays()) == digest(cls().to_arrays())
+    np.testing.assert_array_equal(np.random.get_state()[1], numpy_state)  # noqa: NPY002
+    assert torch.equal(torch.random.get_rng_state(), torch_state)
+
+
+@each_estimator
+def test_it_says_so_when_it_has_not_learned_yet(cls):
+    if learns(cls):
+        with pytest.raises(DataError):
+            answer(cls(), batches(cls)[0])
+
+
+@each_estimator
+def test_what_it_learns_ends_in_an_underscore(cls):
+    fresh, estimator = cls(), learned(cls)
+    for name, value in vars(estimator).items():
+        changed = name not in vars(fresh) or repr(vars(fresh)[name]) != repr(value)
+        assert name.startswith("_") or name.endswith("_") or not changed, name
+    for name, member in inspect.getmembers(cls, lambda m: isinstance(m, property)):
+        if name.startswith(("_", "is_")) or name.endswith("_"):
+            continue
+        assert repr(getattr(fresh, name)) == repr(getattr(estimator, name)), member
+
+
+@each_estimator
+def test_answering_never_learns(cls):
+    estimator = learned(cls)
+    before = digest(estimator.to_arrays())
+    first = [answer(estimator, batch) for batch in batches(cls, seed=1)]
+    again = [answer(estimator, batch) for batch in reversed(batches(cls, seed=1))]
+    assert digest(estimator.to_arrays()) == before
+    for one, two in zip(first, reversed(again), strict=True):
+        assert digest(one) == digest(two)
+
+
+@each_estimator
+def test_inputs_are_left_alone(cls):
+    data = batches(cls)
+    before = [digest(parts(batch)) for batch in data]
+    for batch in data:
+        for array in parts(batch).values():
+            array.flags.writeable = False
+    estimator = learn(cls(), data)
+    for batch in data:
+        answer(estimator, batch)
+    assert [digest(parts(batch)) for batch in data] == before
+
+
+@each_estimator
+def test_answers_are_not_its_own_memory(cls):
+    estimator = learned(cls)
+    before, batch = digest(estimator.to_arrays()), batches(cls)[0]
+    first = answer(estimator, batch)
+    expected = digest(first)
+    for array in first.values():
+        array[...] = 1
+    assert digest(estimator.to_arrays()) == before
+    assert digest(answer(estimator, batch)) == expected
+
+
+@each_estimator
+def test_the_same_data_gives_the_same_state(cls):
+    np.random.seed(1)  # noqa: NPY002 - whatever the global generators do
+    one = learned(cls)
+    np.random.seed(2)  # noqa: NPY002
+    torch.rand(1)
+    two = learned(cls)
+    assert digest(one.to_arrays()) == digest(two.to_arrays())
+    if learns(cls):
+        assert digest(learned(cls, seed=3).to_arrays()) != digest(one.to_arrays())
+
+
+@each_estimator
+def test_a_restored_one_behaves_the_same(cls):
+    estimator = learned(cls)
+    saved = copied(estimator)
+    for restored in (cls(), learned(cls, seed=3)):
+        restored.from_arrays(copied(estimator))
+        assert digest(restored.to_arrays()) == digest(saved)
+        for batch in batches(cls, seed=1):
+            assert digest(answer(restored, batch)) == digest(answer(estimator, batch))
+
+
+@each_estimator
+def test_a_restored_one_learns_on_the_same(cls):
+    data = batches(cls)
+    straight = learn(cls(), data[: len(data) // 2])
+    restored = cls()
+    restored.from_arrays(copied(straight))
+    for estimator in (straight, restored):
+        learn(estimator, data[len(data) // 2 :])
+    assert digest(restored.to_arrays()) == digest(straight.to_arrays())
+
+
+@each_estimator
+def test_nothing_fresh_is_lost_either(cls):
+    restored = learned(cls)
+    restored.from_arrays(cls().to_arrays())
+    assert digest(restored.to_arrays()) == digest(cls().to_arrays())
+
+
+@each_estimator
+def test_its_state_is_plain_arrays(cls):
+    for estimator in (cls(), learned(cls)):
+        arrays = estimator.to_arrays()
+        assert all(isinstance(a, np.ndarray) and a.dtype.kind in "biuf" for a in arrays.values())
+        file = io.BytesIO()
+        np.savez(file, allow_pickle=False, **arrays)
+        file.seek(0)
+        with np.load(file, allow_pickle=False) as loaded:
+            assert digest(dict(loaded)) == digest(arrays)
+
+
+@each_estimator
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_what_is_not_finite_is_refused_and_not_learned(cls, bad):
+    if not hasattr(cls, "partial_fit") or hasattr(cls, "detect"):
+        pytest.skip("images and scenes hold no such numbers")
+    estimator = learned(cls)
+    before = digest(estimator.to_arrays())
+    batch = batches(cls)[0].copy()
+    batch[3, 2] = bad
+    for method in (estimator.partial_fit, lambda X: answer(estimator, X)):
+        with pytest.raises(DataError):
+            method(batch)
+    assert digest(estimator.to_arrays()) == before
+
+
+@each_estimator
+def test_it_is_described(cls):
+    assert inspect.getdoc(cls)
+    for name in ("partial_fit", "fit", *ANSWERS, "to_arrays", "from_arrays"):
+        if method := getattr(cls, name, None):
+            assert method.__doc__, name

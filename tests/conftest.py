@@ -1,0 +1,110 @@
+"""Tiny runs that many tests share, and a way to call the command line without a process."""
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from semrl.cli import main
+from semrl.runs import RunConfig, preset, train
+from semrl.runs.config import write_toml
+
+SETTINGS: dict[str, Any] = {
+    "env": "semrl/Catch-v0",
+    "frames": 600,
+    "checkpoint_seconds": 1e6,
+    "pipeline.embedding": "hashed",
+    "pipeline.hashed.dimension": 16,
+    "pipeline.detection.threshold_frames": 4,
+    "stability.batches": 4,
+    "stability.max_batches": 12,
+    "agent.batch_size": 8,
+    "agent.initial_buffer": 20,
+    "agent.decisions_per_update": 4,
+    "agent.replay_capacity": 60,
+    "agent.network.hidden_units": [8],
+    "evaluation.episodes": 2,
+}
+"""Of a run that goes through all phases in a second."""
+
+
+def tiny(model: str = "semantic", **changes: Any) -> RunConfig:
+    """Configure a tiny run; changes are named ``agent__batch_size``."""
+    atari = {"env": "PongNoFrameskip-v4"} if model == "ram" else {}
+    nested: dict[str, Any] = {}
+    for name, value in {**SETTINGS, **atari, **changes}.items():
+        *tables, key = name.replace("__", ".").split(".")
+        table = nested
+        for part in tables:
+            table = table.setdefault(part, {})
+        table[key] = value
+    return preset("semrl", model, nested)
+
+
+@dataclass(frozen=True)
+class Call:
+    """What a call of the command line gave back."""
+
+    status: int
+    out: str
+    err: str
+
+    @property
+    def message(self) -> str:
+        """The one line that says what went wrong; progress may stand before it, nothing after it."""
+        lines = self.err.splitlines()
+        assert "Traceback" not in self.out + self.err
+        assert [line for line in lines if line.startswith("semrl: ")] == lines[-1:], self.err
+        return lines[-1].removeprefix("semrl: ")
+
+
+@pytest.fixture(scope="session", name="tiny")
+def tiny_fixture() -> Callable[..., RunConfig]:
+    return tiny
+
+
+@pytest.fixture
+def tiny_toml(tmp_path: Path) -> Callable[..., str]:
+    """Write a tiny configuration to a file and return its path."""
+
+    def write(model: str = "semantic", **changes: Any) -> str:
+        path = tmp_path / f"{model}.toml"
+        path.write_text(write_toml(tiny(model, **changes)))
+        return str(path)
+
+    return write
+
+
+@pytest.fixture
+def call(capsys: pytest.CaptureFixture[str]) -> Callable[..., Call]:
+    """Call the command line as a person does, in this process."""
+
+    def run(*argv: object) -> Call:
+        capsys.readouterr()
+        status = main([str(word) for word in argv])
+        said = capsys.readouterr()
+        return Call(status, said.out, said.err)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def semantic_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished run with perception. Read only."""
+    path = tmp_path_factory.mktemp("runs") / "semantic"
+    train(path, tiny("semantic"))
+    return path
+
+
+@pytest.fixture(scope="session")
+def baseline_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished run without perception. Read only."""
+    path = tmp_path_factory.mktemp("runs") / "baseline"
+    train(path, tiny("baseline", frames=300))
+    return path
+
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
