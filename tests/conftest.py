@@ -1,6 +1,5 @@
 """Tiny runs that many tests share, and a way to call the command line without a process."""
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,12 +20,15 @@ SETTINGS: dict[str, Any] = {
     "pipeline.detection.threshold_frames": 4,
     "stability.batches": 4,
     "stability.max_batches": 12,
+    "stability.max_difference": 0.0,  # never reached: PCA and Birch take 12 batches each
+    "stability.min_agreement": 1.0,
     "agent.batch_size": 8,
     "agent.initial_buffer": 20,
     "agent.decisions_per_update": 4,
     "agent.replay_capacity": 60,
     "agent.network.hidden_units": [8],
     "evaluation.episodes": 2,
+    "evaluation.exploration": 0.0,
 }
 """Of a run that goes through all phases in a second."""
 
@@ -105,6 +107,3 @@ def baseline_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("runs") / "baseline"
     train(path, tiny("baseline", frames=300))
     return path
-
-
-os.environ.setdefault("OMP_NUM_THREADS", "1")

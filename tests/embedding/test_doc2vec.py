@@ -133,9 +133,7 @@ def test_learning_again_elsewhere_gives_the_same_bits(learned: dict[str, Doc2Vec
     assert run_child("fit", hash_seed="1") == fingerprints(learned)
 
 
-def test_arrays_carry_everything_to_another_process(
-    learned: dict[str, Doc2VecEmbedding], tmp_path: Path
-) -> None:
+def test_arrays_carry_everything_to_another_process(learned: dict[str, Doc2VecEmbedding], tmp_path: Path) -> None:
     for name, embedding in learned.items():
         np.savez(tmp_path / f"{name}.npz", **embedding.to_arrays())
         assert not any(array.dtype == object for array in embedding.to_arrays().values())

@@ -74,18 +74,14 @@ def test_scenes_out_of_each_others_reach_add_up() -> None:
     embedding = HashedEmbedding()
     first, second = random_scene(1), random_scene(2, offset_px=200.0)
     both = embedding.transform(together(first, second))
-    np.testing.assert_allclose(
-        both, embedding.transform(first) + embedding.transform(second), rtol=1e-6, atol=1e-6
-    )
+    np.testing.assert_allclose(both, embedding.transform(first) + embedding.transform(second), rtol=1e-6, atol=1e-6)
 
 
 def test_scenes_within_reach_add_up_but_for_their_hashes() -> None:
     embedding = HashedEmbedding(HashedEmbeddingConfig(words=WordsConfig(wl_iterations=0)))
     first, second = random_scene(1), random_scene(2)
     both = embedding.transform(together(first, second))
-    np.testing.assert_allclose(
-        both, embedding.transform(first) + embedding.transform(second), rtol=1e-6, atol=1e-6
-    )
+    np.testing.assert_allclose(both, embedding.transform(first) + embedding.transform(second), rtol=1e-6, atol=1e-6)
 
 
 def test_no_objects_give_zeros() -> None:
@@ -122,8 +118,7 @@ def test_inner_products_are_those_of_the_word_counts_on_average() -> None:
 def test_one_object_has_the_expected_length_one() -> None:
     scene = build_scene_graph(np.array([8]), np.array([[4.0, 21.0]]), 20.0)
     squares = [
-        float(np.sum(HashedEmbedding(HashedEmbeddingConfig(seed=seed)).transform(scene) ** 2))
-        for seed in range(100)
+        float(np.sum(HashedEmbedding(HashedEmbeddingConfig(seed=seed)).transform(scene) ** 2)) for seed in range(100)
     ]
     assert np.mean(squares) == pytest.approx(1, abs=0.1)
 
@@ -134,7 +129,51 @@ def test_the_form_of_the_words_matters() -> None:
     assert not np.array_equal(plain.transform(scene), HashedEmbedding().transform(scene))
 
 
-@pytest.mark.parametrize("settings", [{"dimension": 0}, {"seed": -1}, {"seed": 1 << 64}])
+def one_object(row: float, column: float = 40.0) -> SceneGraph:
+    return build_scene_graph(np.array([2]), np.array([[row, column]]), 20.0)
+
+
+def test_spread_words_make_near_positions_near() -> None:
+    alone, spread = (HashedEmbedding(HashedEmbeddingConfig(spread_px=px)).transform for px in (0.0, 6.0))
+    steps = [0.5, 1, 2, 4, 8]
+    distances = [float(np.linalg.norm(spread(one_object(40 + d)) - spread(one_object(40)))) for d in steps]
+    assert distances == sorted(distances) and distances[0] > 0
+    jump = np.linalg.norm(alone(one_object(41)) - alone(one_object(40)))
+    assert distances[1] < 0.5 * jump < distances[-1]
+
+
+def test_a_spread_object_is_the_weighted_sum_of_its_neighbours() -> None:
+    config = WordsConfig(wl_iterations=0)
+    spread = HashedEmbedding(HashedEmbeddingConfig(spread_px=1.0, words=config)).transform
+    alone = HashedEmbedding(HashedEmbeddingConfig(words=config)).transform
+    # Half-way between two rows both get the same weight, so the difference to the next half-way point is
+    # that of the outer rows; the class word cancels.
+    left = spread(one_object(10.5)) - spread(one_object(11.5))
+    right = alone(one_object(10)) - alone(one_object(12))
+    assert np.dot(left, right) / np.linalg.norm(left) / np.linalg.norm(right) == pytest.approx(1, abs=1e-5)
+
+
+def test_the_neighbourhood_can_count_less_or_nothing() -> None:
+    scene = random_scene(0)
+    none, words_only = (
+        HashedEmbedding(HashedEmbeddingConfig(neighbourhood_weight=weight, words=WordsConfig(wl_iterations=n)))
+        for weight, n in ((0.0, 2), (1.0, 0))
+    )
+    a, b = none.transform(scene), words_only.transform(scene)
+    assert np.dot(a, b) / np.linalg.norm(a) / np.linalg.norm(b) == pytest.approx(1, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"spread_px": -1.0},
+        {"spread_px": 100.0},
+        {"neighbourhood_weight": -0.5},
+        {"dimension": 0},
+        {"seed": -1},
+        {"seed": 1 << 64},
+    ],
+)
 def test_bad_settings_are_refused(settings: dict) -> None:
     with pytest.raises(UsageError):
         HashedEmbeddingConfig(**settings)

@@ -85,9 +85,7 @@ def test_the_graph_shares_no_memory_with_the_arguments() -> None:
         (np.array([1]), np.zeros((1, 2)), np.nan),
     ],
 )
-def test_bad_input_is_named_in_one_line(
-    classes: np.ndarray, centres: np.ndarray, proximity_px: float
-) -> None:
+def test_bad_input_is_named_in_one_line(classes: np.ndarray, centres: np.ndarray, proximity_px: float) -> None:
     with pytest.raises(DataError) as error:
         build_scene_graph(classes, centres, proximity_px)
     assert "\n" not in str(error.value)

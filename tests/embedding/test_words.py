@@ -86,9 +86,7 @@ def test_hashes_tell_surroundings_within_k_edges_and_nothing_beyond() -> None:
     centres = np.array([[0, 15 * i] for i in range(6)], dtype=np.float32)
     before = wl_hashes(build_scene_graph(np.array([1, 1, 1, 1, 1, 1]), centres, 20.0), 2)
     after = wl_hashes(build_scene_graph(np.array([1, 1, 1, 1, 1, 2]), centres, 20.0), 2)
-    changed = [
-        [a != b for a, b in zip(old, new, strict=True)] for old, new in zip(before, after, strict=True)
-    ]
+    changed = [[a != b for a, b in zip(old, new, strict=True)] for old, new in zip(before, after, strict=True)]
     # object 4 is one edge away from the change, object 3 two, the others farther
     assert changed == [[False, False]] * 3 + [[False, True], [True, True], [True, True]]
 

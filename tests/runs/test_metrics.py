@@ -73,6 +73,7 @@ def test_a_full_disk_is_told(path):
     with pytest.raises(SemrlError, match=r"cannot write .*metrics\.csv: No space left"):
         for i in range(10_000):  # until the buffer is full
             metrics.write(row(i))
+    metrics.write(row(0))
     with pytest.raises(SemrlError, match="No space left"):
         metrics.flush()
     metrics.close()

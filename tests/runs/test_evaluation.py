@@ -1,0 +1,149 @@
+import dataclasses
+import json
+import signal
+
+import numpy as np
+import pytest
+import torch
+
+from semrl.arrays import unnest
+from semrl.errors import SemrlError, UsageError
+from semrl.runs import EvaluationResult, RunFolder, evaluate, load_pipeline, load_player, train
+from semrl.runs.evaluation import EVALUATION_SEED
+from semrl.runs.session import build_trainer
+from semrl.state import Game, make_env
+
+
+class StopAt:
+    """Stops a run after a decision, as Ctrl-C would."""
+
+    def __init__(self, decision):
+        self.decision = decision
+
+    def on_decision(self, trainer):
+        if trainer.decisions_ == self.decision:
+            signal.raise_signal(signal.SIGINT)
+
+    def on_row(self, row):
+        pass
+
+
+def stopped(path, config, decision):
+    with pytest.raises(SemrlError, match="stopped"):
+        train(path, config, observers=[StopAt(decision)])
+    return path
+
+
+def test_the_same_seed_gives_the_same_returns(semantic_run):
+    first = evaluate(semantic_run, episodes=3, seed=5)
+    assert evaluate(semantic_run, episodes=3, seed=5) == first
+    many = [evaluate(semantic_run, episodes=3, seed=seed).returns for seed in range(6, 10)]
+    assert any(returns != first.returns for returns in many)
+
+
+def test_what_is_told_is_what_is_written(semantic_run):
+    result = evaluate(semantic_run)
+    written = json.loads((semantic_run / "evaluation.json").read_text())
+    provenance = written.pop("with")
+    assert EvaluationResult(**written) == result
+    config = RunFolder.open(semantic_run).config()
+    assert result.episodes == len(result.returns) == config.evaluation.episodes == provenance["episodes"]
+    assert provenance["seed"] == config.seed + EVALUATION_SEED and provenance["decisions"] == 150
+    assert result.mean == pytest.approx(np.mean(result.returns))
+    assert result.std == pytest.approx(np.std(result.returns, ddof=1))
+    assert (result.min, result.max) == (min(result.returns), max(result.returns))
+
+
+def test_returns_are_the_sums_of_the_rewards_of_greedy_play(semantic_run):
+    """Played again without the code under test: own loop, own network input, weights from the file."""
+    config = RunFolder.open(semantic_run).config()
+    trainer = build_trainer(config)
+    saved = RunFolder.open(semantic_run).load().arrays
+    trainer.pipeline.from_arrays(unnest(saved, "pipeline"))
+    trainer.agent.load_network(unnest(saved, "agent/network"))
+    game = Game(make_env(config.env, config.environment), seed=9)
+    returns = []
+    for _ in range(3):
+        now = before = trainer.pipeline.encode(game.reset())
+        rewards, done = [], False
+        while not done:
+            with torch.no_grad():
+                values = trainer.agent.network(torch.from_numpy(np.stack([now, before])[None]))
+            outcome = game.step(int(values.argmax()))
+            now, before = trainer.pipeline.encode(outcome.observation), now
+            rewards.append(outcome.reward)
+            done = outcome.done
+        returns.append(sum(rewards))
+    assert evaluate(semantic_run, episodes=3, seed=9).returns == returns
+
+
+def test_observers_see_every_step_and_episode(semantic_run):
+    steps, totals = [], []
+    result = evaluate(
+        semantic_run,
+        episodes=2,
+        on_episode=totals.append,
+        on_step=lambda episode, step: steps.append((episode, step.total)),
+    )
+    assert totals == result.returns
+    assert [dict(steps)[episode] for episode in (0, 1)] == result.returns  # the last step of each
+    assert len(steps) == 2 * (45 + 1)  # five balls of nine decisions, and the first observation
+
+
+def test_playing_changes_nothing_that_was_learned(semantic_run):
+    before = [path.read_bytes() for path in sorted((semantic_run / "checkpoints").iterdir())]
+    evaluate(semantic_run, episodes=1)
+    assert [path.read_bytes() for path in sorted((semantic_run / "checkpoints").iterdir())] == before
+
+
+def test_exploring_play_is_another_play(semantic_run, monkeypatch):
+    player = load_player(semantic_run)
+    config = player.config
+    wild = dataclasses.replace(
+        player,
+        config=dataclasses.replace(config, evaluation=dataclasses.replace(config.evaluation, exploration=1.0)),
+    )
+
+    def frames(player):
+        return np.stack([s.observation.frame for s in player.play(player.new_game(3), np.random.default_rng(0))])
+
+    assert not np.array_equal(frames(player), frames(wild))
+    assert np.array_equal(frames(wild), frames(wild))
+
+
+def test_games_with_an_action_for_waiting_begin_at_random(tmp_path, tiny):
+    train(tmp_path / "run", tiny("ram", frames=8))
+    player = load_player(tmp_path / "run")
+    game = player.new_game(0)
+    rams = [game.reset().ram.tobytes() for _ in range(4)]
+    assert len(set(rams)) > 1
+    again = player.new_game(0)
+    assert [again.reset().ram.tobytes() for _ in range(4)] == rams
+
+
+@pytest.mark.parametrize("wrong", [{"episodes": 0}, {"episodes": -1}, {"seed": -1}])
+def test_nothing_to_play_is_refused(semantic_run, wrong):
+    with pytest.raises(UsageError, match="1 or more"):
+        evaluate(semantic_run, **wrong)
+
+
+def test_runs_that_cannot_play_are_told_apart(tmp_path, tiny):
+    new = RunFolder.create(tmp_path / "new", tiny())
+    with pytest.raises(UsageError, match=r"has no checkpoint yet; go on with: semrl train --run .* --resume"):
+        evaluate(new.path)
+    blind = stopped(tmp_path / "blind", tiny(), 8)
+    with pytest.raises(UsageError, match="has not learned to see yet"):
+        evaluate(blind)
+    train(tmp_path / "short", tiny(frames=40))
+    with pytest.raises(UsageError, match="has not learned to see yet"):
+        evaluate(tmp_path / "short")
+    half = stopped(tmp_path / "half", tiny(), 90)
+    assert evaluate(half, episodes=1).episodes == 1
+    assert json.loads((half / "evaluation.json").read_text())["with"]["decisions"] == 91
+
+
+def test_checkpoints_that_do_not_fit_are_told(tmp_path, tiny, baseline_run):
+    run = RunFolder.create(tmp_path / "run", tiny("semantic"))
+    (run.path / "checkpoints" / "0000000010.npz").write_bytes(RunFolder.open(baseline_run).checkpoints()[-1].read_bytes())
+    with pytest.raises(SemrlError, match="does not fit its configuration"):
+        load_pipeline(run.path)

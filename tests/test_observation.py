@@ -1,0 +1,105 @@
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from semrl import SemanticObservation, make_env
+from semrl.errors import UsageError
+from semrl.pipeline import Pipeline, PipelineConfig
+from semrl.runs import load_pipeline, load_player, train
+
+CATCH = "semrl/Catch-v0"
+
+
+@pytest.mark.parametrize("output", ["vector", "labels"])
+def test_gymnasium_finds_nothing_wrong(semantic_run, output):
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*(infinity|not within the observation|render).*")
+        check_env(SemanticObservation(make_env(CATCH), semantic_run, output), skip_render_check=True)
+
+
+@pytest.mark.parametrize("output", ["vector", "labels"])
+def test_stable_baselines3_finds_nothing_wrong(semantic_run, output):
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        checker.check_env(SemanticObservation(make_env(CATCH), semantic_run, output))
+
+
+def test_the_vector_is_what_the_agents_network_computes_with(semantic_run):
+    """Current embedding and difference, at every decision of an episode that the agent itself plays."""
+    player = load_player(semantic_run)
+    env = SemanticObservation(make_env(CATCH), player.pipeline)
+    seen, actions = [], []
+    act = player.agent.best_action
+
+    def spy(state):
+        seen.append(np.concatenate([state[0], state[0] - state[1]]))
+        actions.append(act(state))
+        return actions[-1]
+
+    player.agent.best_action = spy
+    game = player.new_game(4)
+    for _ in player.play(game, np.random.default_rng(0)):
+        pass
+    observation, _ = env.reset(seed=int(game.to_arrays()["episode_seed"]))
+    for expected, action in zip(seen, actions, strict=True):
+        np.testing.assert_array_equal(observation, expected)
+        assert observation.dtype == np.float32 and env.observation_space.contains(observation)
+        observation, *_ = env.step(action)
+    assert len(actions) == 45 and any(np.any(vector[16:]) for vector in seen)
+
+
+def test_labels_are_what_the_model_birch_sees(semantic_run):
+    pipeline = load_pipeline(semantic_run)
+    env = SemanticObservation(make_env(CATCH), pipeline, "labels")
+    labels, _ = env.reset(seed=1)
+    frame, _ = make_env(CATCH).reset(seed=1)
+    grey = frame[::2, ::2].max(axis=2)  # Catch draws every pixel of the small image twice as large
+    assert labels.shape == (84, 84, 1)
+    np.testing.assert_array_equal(labels[:, :, 0] > 0, grey > 0)
+
+
+def test_a_new_episode_begins_without_a_difference(semantic_run):
+    env = SemanticObservation(make_env(CATCH), semantic_run)
+    env.reset(seed=0)
+    for _ in range(5):
+        env.step(1)
+    observation, _ = env.reset(seed=0)
+    assert not observation[16:].any() and observation[:16].any()
+
+
+def test_frames_that_are_no_images_are_refused(semantic_run):
+    for env in (gym.make("semrl/FourRooms-v0"), gym.make("semrl/Catch-v0", observation="vector")):
+        with pytest.raises(UsageError, match="needs RGB frames"):
+            SemanticObservation(env, semantic_run)
+
+
+def test_runs_that_did_not_learn_it_are_refused(semantic_run, baseline_run, tmp_path, tiny):
+    env = make_env(CATCH)
+    with pytest.raises(UsageError, match="output must be 'vector' or 'labels', not 'vectors'"):
+        SemanticObservation(env, semantic_run, "vectors")
+    for output in ("vector", "labels"):
+        with pytest.raises(UsageError, match="this one sees 'grey'"):
+            SemanticObservation(env, baseline_run, output)
+        with pytest.raises(UsageError, match="there is no run"):
+            SemanticObservation(env, tmp_path / "none", output)
+    with pytest.raises(UsageError, match="needs perception of a run of model 'semantic'"):
+        SemanticObservation(env, Pipeline(PipelineConfig(embedding="hashed"), "classes"), "vector")
+    for frames in (8, 24, 40):  # stopped while looking for the threshold, in PCA, in Birch
+        train(tmp_path / f"short-{frames}", tiny(frames=frames))
+        with pytest.raises(UsageError, match="needs more frames") if frames < 40 else pytest.raises(UsageError):
+            SemanticObservation(env, tmp_path / f"short-{frames}")
+
+
+def test_an_embedding_that_was_not_trained_is_refused(semantic_run):
+    pytest.importorskip("gensim")
+    learned = load_pipeline(semantic_run)
+    pipeline = Pipeline(PipelineConfig(), "embedding")
+    for name in ("detector", "pca", "birch"):
+        setattr(pipeline, name, getattr(learned, name))
+    with pytest.raises(UsageError, match="learned nothing yet"):
+        SemanticObservation(make_env(CATCH), pipeline)
+    SemanticObservation(make_env(CATCH), pipeline, "labels").reset(seed=0)

@@ -1,0 +1,186 @@
+"""Perception learns one thing after the other (§3.2.3)."""
+
+import numpy as np
+import pytest
+
+from semrl.arrays import Arrays, digest
+from semrl.embedding import HashedEmbeddingConfig
+from semrl.pipeline import Pipeline, PipelineConfig
+from semrl.stability import StabilityConfig
+from semrl.stages import Schooling
+from semrl.state import Game, make_env
+from semrl.types import Observation
+
+HASHED = PipelineConfig(embedding="hashed", hashed=HashedEmbeddingConfig(dimension=32))
+QUICK = StabilityConfig(batches=20)
+BLACK = Observation(frame=np.zeros((168, 168, 3), np.uint8))
+
+
+class Album:
+    """An embedding that needs eight scenes and only counts them."""
+
+    documents_needed = 8
+    dimension = 1
+
+    def __init__(self):
+        self.fits_ = []
+
+    def fit(self, graphs):
+        self.fits_.append(list(graphs))
+        return self
+
+    def transform(self, graph):
+        return np.array([len(graph)], np.float32)
+
+    def to_arrays(self) -> Arrays:
+        return {"scenes": np.array([len(fit) for fit in self.fits_], dtype=np.int64)}
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        self.fits_ = [[None] * n for n in arrays["scenes"].tolist()]
+
+
+def album_pipeline():
+    pipeline = Pipeline(HASHED, "embedding")
+    pipeline.embedder = Album()
+    return pipeline
+
+
+def frames(n, seed=0):
+    game, rng = Game(make_env("semrl/Catch-v0"), seed), np.random.default_rng(seed)
+    observation = game.reset()
+    for _ in range(n):
+        yield observation
+        outcome = game.step(int(rng.integers(2)))
+        observation = game.reset() if outcome.done else outcome.observation
+
+
+def learn_all(schooling, shown):
+    """Learn until the stages are over; return the name of the stage of each frame."""
+    names = []
+    for observation in shown:
+        if schooling.current is None:
+            break
+        names.append(schooling.learn(observation).name)
+    return names
+
+
+@pytest.mark.parametrize(
+    ("view", "stages"),
+    [
+        ("grey", []),
+        ("components", ["threshold"]),
+        ("classes", ["threshold", "pca", "birch"]),
+        ("embedding", ["threshold", "pca", "birch"]),
+    ],
+)
+def test_a_view_learns_what_it_needs_in_order(view, stages):
+    schooling = Schooling(Pipeline(HASHED, view), QUICK)
+    assert [stage.name for stage in schooling.stages] == stages
+    names = learn_all(schooling, frames(2000))
+    assert schooling.current is None
+    assert list(dict.fromkeys(names)) == stages and names == sorted(names, key=stages.index)
+    assert names.count("threshold") == (50 if stages else 0)
+    assert [stage.batches_ for stage in schooling.stages] == [names.count(name) for name in stages]
+
+
+def test_ram_learns_nothing():
+    assert Schooling(Pipeline(HASHED, "ram", "pong"), QUICK).current is None
+
+
+def test_an_embedding_that_needs_scenes_gets_them_once_all_together():
+    pipeline = album_pipeline()
+    schooling = Schooling(pipeline, QUICK)
+    names = learn_all(schooling, frames(2000))
+    assert names[-8:] == ["documents"] * 8 and names.count("documents") == 8
+    assert schooling.stages[-1].goal == 8
+    (scenes,) = pipeline.embedder.fits_
+    shown = list(frames(2000))[len(names) - 8 : len(names)]
+    for scene, observation in zip(scenes, shown, strict=True):
+        assert pipeline.encode(observation).tolist() == [len(scene)]
+
+
+def test_pca_and_birch_stop_at_the_first_stable_value():
+    schooling = Schooling(Pipeline(HASHED, "classes"), QUICK)
+    learn_all(schooling, frames(2000))
+    _, pca, birch = schooling.stages
+    for stage in (pca, birch):
+        # PCA waits for its first ten different objects, and a batch later there is something to compare.
+        assert 0 < len(stage.test.values_) <= stage.batches_ - QUICK.batches
+    assert len(birch.test.values_) == birch.batches_ - QUICK.batches
+    assert all(value >= 0.05 for value in pca.test.values_[:-1]) and pca.test.values_[-1] < 0.05
+    assert all(value <= 0.95 for value in birch.test.values_[:-1]) and birch.test.values_[-1] > 0.95
+
+
+def test_each_stage_leaves_the_others_alone():
+    pipeline = album_pipeline()
+    schooling = Schooling(pipeline, QUICK)
+    boxes = {
+        "threshold": pipeline.detector,
+        "pca": pipeline.pca,
+        "birch": pipeline.birch,
+        "documents": pipeline.embedder,
+    }
+    for observation in frames(2000):
+        if schooling.current is None:
+            break
+        before = {name: digest(box.to_arrays()) for name, box in boxes.items()}
+        stage = schooling.learn(observation).name
+        changed = {name for name, box in boxes.items() if digest(box.to_arrays()) != before[name]}
+        assert changed <= {stage}
+
+
+def test_instability_ends_at_the_limit():
+    never = StabilityConfig(batches=5, max_difference=0.0, min_agreement=1.0, max_batches=12)
+    schooling = Schooling(Pipeline(HASHED, "classes"), never)
+    names = learn_all(schooling, frames(500))
+    assert (names.count("pca"), names.count("birch")) == (12, 12)
+
+
+def test_frames_without_objects_do_no_harm():
+    schooling = Schooling(Pipeline(HASHED, "classes"), QUICK)
+    shown = list(frames(600))
+    for observation in shown[:50]:
+        schooling.learn(observation)
+    for observation in shown[50:]:
+        for shown_now in (BLACK, observation):
+            if schooling.current is not None:
+                schooling.learn(shown_now)
+    assert schooling.current is None
+    for stage in schooling.stages[1:]:
+        assert len(stage.test.values_) <= stage.batches_ // 2 - QUICK.batches + 1  # black frames were no batches
+
+
+def test_what_there_is_to_tell():
+    schooling = Schooling(Pipeline(HASHED, "classes"), QUICK)
+    threshold, pca, birch = schooling.stages
+    assert pca.measured() == {} and threshold.measured() == {}
+    learn_all(schooling, frames(2000))
+    assert pca.measured() == {"stability": pca.test.values_[-1]}
+    assert birch.measured() == {
+        "stability": birch.test.values_[-1],
+        "leaves": schooling.stages[2].pipeline.birch.n_leaves_,
+    }
+
+
+@pytest.mark.parametrize("stage", ["threshold", "pca", "birch", "documents", "end"])
+def test_schooling_goes_on_where_it_was(stage):
+    shown = list(frames(1200))
+    straight = album_pipeline()
+    schooling = Schooling(straight, QUICK)
+    in_stage = 0
+    for n, observation in enumerate(shown):
+        current = schooling.current.name if schooling.current else "end"
+        in_stage += current == stage
+        if current == "end" or in_stage == 5:
+            break
+        schooling.learn(observation)
+
+    other = album_pipeline()
+    restored = Schooling(other, QUICK)
+    other.from_arrays(straight.to_arrays())
+    restored.from_arrays(schooling.to_arrays())
+    assert digest(restored.to_arrays()) == digest(schooling.to_arrays())
+    assert learn_all(schooling, shown[n:]) == learn_all(restored, shown[n:])
+    assert schooling.current is restored.current is None
+    assert digest(straight.to_arrays()) == digest(other.to_arrays())
+    assert digest(schooling.to_arrays()) == digest(restored.to_arrays())
