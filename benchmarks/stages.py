@@ -1,9 +1,9 @@
 """How long each stage takes, from the emulator to a gradient step, on the same frames of Pong.
 
-Perception is trained on random play until it is stable; then some hundred further frames are gathered, each
-stage gets what the stages before it make of them, and is timed over all of them. Stages take turns, one pass
-each in every round, so that whatever else the machine does meanwhile meets all alike; a stage's time is the
-median of its rounds. Everything runs in one process on one thread.
+Perception has the settings of the preset ``semrl`` and is trained on random play until it is stable; then some
+hundred further frames are gathered, each stage gets what the stages before it make of them, and is timed over
+all of them. Stages take turns, one pass each in every round, so that whatever else the machine does meanwhile
+meets all alike; a stage's time is the median of its rounds. Everything runs in one process on one thread.
 
     python benchmarks/stages.py [--frames N] [--rounds N] [--json]
 """
@@ -35,6 +35,9 @@ from semrl.types import Observation
 DOC2VEC_SCENES = 500
 """Scenes that doc2vec is trained on here; inferring hardly depends on their number."""
 
+UPDATES = 5
+"""Updates in one pass."""
+
 REPLAY = 500
 """Observations in the replay buffer of the agents."""
 
@@ -45,7 +48,7 @@ class Arguments:
 
     frames: int = 300
     """Frames in one pass."""
-    rounds: int = 9
+    rounds: int = 7
     """Passes of every stage; the median counts."""
     json: bool = False
     """Print one JSON object and nothing else."""
@@ -85,7 +88,7 @@ def main(arguments: Arguments) -> None:
 
 def learn_to_see() -> tuple[Pipeline, Game]:
     """Train threshold, PCA and Birch on random play until they are stable."""
-    pipeline, game = Pipeline(PipelineConfig(embedding="hashed"), "embedding", "pong"), Game(make_env(), seed=0)
+    pipeline, game = Pipeline(preset("semrl", "semantic").pipeline, "embedding", "pong"), Game(make_env(), seed=0)
     schooling = Schooling(pipeline, StabilityConfig())
     for observation in play(game):
         schooling.learn(observation)
@@ -167,7 +170,7 @@ def agent_stages(observations: list[Observation]) -> list[Stage]:
         title = f"{kind} network, {name}"
         stages.append(Stage(f"act, {title}", agent.best_action, [np.stack([one, one]) for one in seen]))
         learn = lambda one, agent=agent: remember(agent, one)  # noqa: E731
-        stages.append(Stage(f"update of {config.batch_size}, {title}", learn, seen[:20]))
+        stages.append(Stage(f"update of {config.batch_size}, {title}", learn, seen[:UPDATES]))
     return stages
 
 

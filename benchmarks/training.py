@@ -56,7 +56,7 @@ class Arguments:
     """Which models."""
     preset: Literal["semrl", "thesis"] = "semrl"
     """Whose settings."""
-    seconds: float = 12.0
+    seconds: float = 8.0
     """How long each model trains after its replay buffer was filled."""
     json: bool = False
     """Print one JSON object and nothing else."""
@@ -96,6 +96,7 @@ def main(arguments: Arguments) -> None:
 
 def measure(model: str, arguments: Arguments) -> dict[str, Any]:
     """Measure one model in new processes, so that its memory is nobody else's."""
+    print(f"measuring {model} …", file=sys.stderr)
     with tempfile.TemporaryDirectory() as place:
         run = str(Path(place) / "run")
         row = in_fresh_process(TRAIN, run, model, arguments.preset, str(arguments.seconds))
@@ -122,7 +123,7 @@ def train_here(run: str, model: str, name: str, seconds: str) -> dict[str, Any]:
         trainer = build_trainer(config)
         while trainer.perceiving:
             advance(trainer, 1)
-        advance(trainer, config.agent.initial_buffer + 100)
+        advance(trainer, config.agent.initial_buffer + 4)
         fill_replay(trainer)
         rate, updates = speed(trainer, float(seconds))
         folder = RunFolder.create(Path(run), config)

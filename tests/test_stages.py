@@ -167,20 +167,18 @@ def test_schooling_goes_on_where_it_was(stage):
     shown = list(frames(1200))
     straight = album_pipeline()
     schooling = Schooling(straight, QUICK)
-    in_stage = 0
-    for n, observation in enumerate(shown):
-        current = schooling.current.name if schooling.current else "end"
-        in_stage += current == stage
-        if current == "end" or in_stage == 5:
-            break
-        schooling.learn(observation)
+    learned = in_stage = 0
+    while schooling.current is not None and in_stage < 5:
+        schooling.learn(shown[learned])
+        learned += 1
+        in_stage += schooling.current is not None and schooling.current.name == stage
 
     other = album_pipeline()
     restored = Schooling(other, QUICK)
     other.from_arrays(straight.to_arrays())
     restored.from_arrays(schooling.to_arrays())
     assert digest(restored.to_arrays()) == digest(schooling.to_arrays())
-    assert learn_all(schooling, shown[n:]) == learn_all(restored, shown[n:])
+    assert learn_all(schooling, shown[learned:]) == learn_all(restored, shown[learned:])
     assert schooling.current is restored.current is None
     assert digest(straight.to_arrays()) == digest(other.to_arrays())
     assert digest(schooling.to_arrays()) == digest(restored.to_arrays())

@@ -14,7 +14,7 @@ from semrl.state import to_grey
 from semrl.types import IMAGE_SIZE_PX
 
 
-class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any]):
+class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.utils.RecordConstructorArgs):
     """Show an agent the scene that trained perception sees, instead of raw frames.
 
     Parameters
@@ -42,7 +42,9 @@ class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any]):
         encoder: str | Path | Pipeline,
         output: Literal["vector", "labels"] = "vector",
     ) -> None:
-        super().__init__(env)
+        # Gymnasium makes a wrapped environment again from its recorded arguments.
+        gym.utils.RecordConstructorArgs.__init__(self, encoder=encoder, output=output, _disable_deepcopy=True)
+        gym.ObservationWrapper.__init__(self, env)
         shape = env.observation_space.shape or ()
         if len(shape) != 3 or shape[2] != 3 or env.observation_space.dtype != np.uint8:
             raise UsageError(f"SemanticObservation needs RGB frames of uint8, got {env.observation_space}")

@@ -164,7 +164,7 @@ def test_soft_renewal_takes_over_a_share_each_time():
 
 def test_divergence_is_told_in_one_line():
     agent = agent_with()
-    with pytest.raises(SemrlError, match="loss is nan after 0 updates.*learning-rate"):
+    with pytest.raises(SemrlError, match=r"loss is nan after 0 updates.*learning-rate"):
         agent.update(one_transition(0.9, reward=np.nan))
 
 

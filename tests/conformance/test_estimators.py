@@ -30,16 +30,14 @@ def discover():
     found = {}
     for package in PACKAGES:
         for module in pkgutil.iter_modules(package.__path__, package.__name__ + "."):
-            for name, cls in vars(importlib.import_module(module.name)).items():
-                if (
-                    inspect.isclass(cls)
-                    and not name.startswith("_")
-                    and cls.__module__ == module.name
-                    and (hasattr(cls, "partial_fit") or hasattr(cls, "fit"))
-                    and any(hasattr(cls, answer) for answer in ANSWERS)
-                ):
-                    found[name] = cls
+            classes = inspect.getmembers(importlib.import_module(module.name), inspect.isclass)
+            found |= {name: cls for name, cls in classes if cls.__module__ == module.name and is_estimator(cls)}
     return found
+
+
+def is_estimator(cls):
+    can_learn = hasattr(cls, "partial_fit") or hasattr(cls, "fit")
+    return can_learn and any(hasattr(cls, name) for name in ANSWERS) and not cls.__name__.startswith("_")
 
 
 ESTIMATORS = discover()

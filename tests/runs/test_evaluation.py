@@ -144,6 +144,8 @@ def test_runs_that_cannot_play_are_told_apart(tmp_path, tiny):
 
 def test_checkpoints_that_do_not_fit_are_told(tmp_path, tiny, baseline_run):
     run = RunFolder.create(tmp_path / "run", tiny("semantic"))
-    (run.path / "checkpoints" / "0000000010.npz").write_bytes(RunFolder.open(baseline_run).checkpoints()[-1].read_bytes())
+    (run.path / "checkpoints" / "0000000010.npz").write_bytes(
+        RunFolder.open(baseline_run).checkpoints()[-1].read_bytes()
+    )
     with pytest.raises(SemrlError, match="does not fit its configuration"):
         load_pipeline(run.path)

@@ -83,7 +83,7 @@ def test_a_pickled_object_is_never_loaded(tmp_path):
     with pytest.raises(SemrlError, match="damaged"):
         read_arrays(path)
     assert not (tmp_path / "sprung").exists()
-    with pytest.raises(ValueError, match="[Oo]bject"):
+    with pytest.raises(ValueError, match=r"[Oo]bject"):
         write_arrays(path, {"trap": objects})
 
 

@@ -61,7 +61,7 @@ def test_state_moved_through_files_goes_on_bit_for_bit(tmp_path, tiny, model, ch
         unbroken = build_trainer(config, [whole])
         unbroken.run()
         seen, path = set(), tmp_path / "state.npz"
-        for until in itertools.count(1, 36 if model == "ram" else 9)  # the emulator plays again from the start:
+        for until in itertools.count(1, 36 if model == "ram" else 9):  # an emulator starts slowly
             trainer = build_trainer(config, [parts])
             if path.exists():
                 trainer.from_arrays(read_arrays(path))

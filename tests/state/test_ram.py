@@ -50,5 +50,5 @@ def test_the_thesis_needs_both_paddles_and_the_ball():
 
 @pytest.mark.parametrize("read", [ram_feature_names, lambda game: ram_features(game, np.zeros(128, np.uint8))])
 def test_other_games_are_refused_with_a_hint(read):
-    with pytest.raises(UsageError, match="'breakout' is not mapped .*pong.*sees pixels"):
+    with pytest.raises(UsageError, match=r"'breakout' is not mapped .*pong.*sees pixels"):
         read("breakout")

@@ -45,8 +45,11 @@ def _one_line(box: str) -> str:
     """Take what is wrong, and the closest option there is, out of the box that tyro draws around its errors."""
     plain = [re.sub(r"\x1b\[[0-9;]*m", "", line) for line in box.splitlines()]
     lines = [line.strip("│ \t") for line in plain if not line.startswith(("╭", "╰"))]
-    said = " ".join(itertools.takewhile(lambda line: set(line) != {"─"}, lines)).rstrip(" .")
+    is_rule = re.compile("[─-]{3,}").fullmatch
+    if len(lines) > 1 and is_rule(lines[1]):
+        lines = lines[2:]  # where there are no characters for frames, the title has a line of its own
+    said = " ".join(itertools.takewhile(lambda line: not is_rule(line), lines)).rstrip(" .")
     unknown = re.findall(r"--[\w.-]+", said)[:1] if said.startswith("Unrecognized") else []
-    options = [line.split()[0] for line in lines if line.startswith("--")]
+    options = re.findall(r"^--[\w.-]*\w", "\n".join(lines), re.MULTILINE)
     close = [match for word in unknown for match in difflib.get_close_matches(word, options, n=1)]
     return (said or "wrong arguments") + (f"; did you mean {close[0]}?" if close else "")

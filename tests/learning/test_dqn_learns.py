@@ -1,5 +1,7 @@
 """Deep Q-learning learns: Catch from its coordinates, and from the scenes that perception makes of its frames."""
 
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -60,11 +62,11 @@ def mean_return(env, encode, choose, episodes=20):
     return float(np.mean([play(env, encode, choose, 10**6 + i)[0] for i in range(episodes)]))
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", range(3))
 def test_dqn_learns_to_catch_every_ball(seed):
     env = FrameSkip(Catch(observation="vector"), 4)
     agent = DQN(QUICK, (4,), np.float32, 2, frame_skip=4, seed=seed)
-    assert mean_return(env, np.asarray, agent.best_action) < 0
+    assert mean_return(env, np.asarray, agent.best_action) < -1
     best = -5.0
     for episode in range(1, 221):  # 45 decisions each
         agent.end_episode(play(env, np.asarray, agent.act, seed * 1000 + episode, agent.observe)[1])
@@ -83,9 +85,9 @@ def test_an_agent_without_rewards_learns_nothing():
     def blind(observation, action, reward, **ends):
         agent.observe(observation, action, 0.0, **ends)
 
-    for episode in range(60):
+    for episode in range(40):
         agent.end_episode(play(env, np.asarray, agent.act, episode, blind)[1])
-    assert mean_return(env, np.asarray, agent.best_action) < 1.5
+    assert mean_return(env, np.asarray, agent.best_action) < 1
 
 
 @pytest.mark.slow
@@ -93,12 +95,13 @@ def test_dqn_learns_to_catch_from_scenes():
     """The whole upper line of the architecture: frames, objects, kinds, scene graph, vector, agent."""
     config = PipelineConfig(embedding="hashed", hashed=HashedEmbeddingConfig(dimension=512))
     pipeline = Pipeline(config, "embedding")
-    agent = DQN(QUICK, pipeline.shape, pipeline.dtype, 2, frame_skip=4, seed=0)
+    settings = replace(QUICK, learning_rate=5e-4, network=NetworkConfig(hidden_units=(128,), layer_norm=True))
+    agent = DQN(settings, pipeline.shape, pipeline.dtype, 2, frame_skip=4, seed=0)
     trainer = Trainer(
         Game(make_env("semrl/Catch-v0"), 0), pipeline, Schooling(pipeline, StabilityConfig(batches=30)), agent,
-        decisions=12_000, seed=0,
+        decisions=10_000, seed=0,
     )  # fmt: skip
     trainer.run()
     returns = np.array(trainer.returns_)
     assert returns[:20].mean() < -1
-    assert returns[-20:].mean() > returns[:20].mean() + 2
+    assert returns[-20:].mean() > returns[:20].mean() + 1.5
