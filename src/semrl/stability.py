@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sklearn.metrics import confusion_matrix
 
 from semrl.arrays import Arrays, arrays_to_ragged, ragged_to_arrays
+from semrl.errors import UsageError
 
 Rows = NDArray[Any]
 
@@ -42,6 +43,12 @@ class StabilityConfig:
     """Birch is stable when the balanced accuracy of new against old labels is greater than this."""
     max_batches: int = 20_000
     """Training goes on to the next phase after so many batches, stable or not."""
+
+    def __post_init__(self) -> None:
+        if self.batches < 1 or self.max_batches < 1:
+            raise UsageError("stability.batches and stability.max_batches must be 1 or more")
+        if not (self.max_difference >= 0 and 0 <= self.min_agreement <= 1):
+            raise UsageError("stability.max_difference must be 0 or more, stability.min_agreement between 0 and 1")
 
 
 class StabilityTest:

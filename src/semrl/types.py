@@ -4,6 +4,7 @@ Positions are in pixels of the preprocessed 84×84 image, ``(row, column)``, mea
 corner; a pixel's centre lies at its integer coordinate.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -48,7 +49,7 @@ class Outcome:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Objects:
-    """The objects of one frame (§3.2.1), in raster order.
+    """The objects of one frame (§3.2.1), component by component, the pieces of one from left to right.
 
     Attributes
     ----------
@@ -73,7 +74,7 @@ class Objects:
     @property
     def features(self) -> Floats:
         """The crops as rows, ``(n, 64)``."""
-        return self.crops.reshape(len(self.crops), -1)
+        return self.crops.reshape(len(self.crops), math.prod(self.crops.shape[1:]))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -7,7 +7,7 @@ import torch
 from semrl.agent import DQN, DQNConfig, NetworkConfig
 from semrl.agent.replay import Batch
 from semrl.arrays import digest, unnest
-from semrl.errors import SemrlError
+from semrl.errors import SemrlError, UsageError
 
 SMALL = NetworkConfig(hidden_units=(16,))
 
@@ -132,12 +132,12 @@ def test_exploration_decides_between_chance_and_the_best_action():
 
 
 def test_learning_begins_with_the_initial_buffer_and_keeps_its_pace():
-    agent = agent_with(initial_buffer=20, decisions_per_update=5, updates=3)
+    agent = agent_with(initial_buffer=20, decisions_per_update=5)
     updates = []
     for i in range(31):
         live(agent, 1, start=i)
         updates.append(agent.updates_)
-    assert updates[18] == 0 and updates[19] == 3 and updates[23] == 3 and updates[24] == 6 and updates[30] == 9
+    assert updates[18] == 0 and updates[19] == 1 and updates[23] == 1 and updates[24] == 2 and updates[30] == 3
 
 
 def weights(module):
@@ -178,7 +178,7 @@ FULL = {
     "plain": {},
     "everything": {
         "double": True, "n_steps": 3, "reward_share": 0.25, "target_rate": 0.1, "target_updates": 1,
-        "exploration_hold": 4, "temperature": 0.1, "max_gradient_norm": 1.0,
+        "heads": 3, "head_decisions": 5, "idle_decisions": 7,
         "network": NetworkConfig(hidden_units=(16, 16), layer_norm=True, normalise_input=True),
     },
 }  # fmt: skip
@@ -235,17 +235,35 @@ def test_the_normaliser_is_measured_once_on_the_initial_buffer():
     np.testing.assert_array_equal(agent.to_arrays()["network/0.mean"], measured)
 
 
-def test_a_random_action_is_held():
-    agent = agent_with(exploration_hold=5, n_actions=4, exploration_min=1.0, initial_buffer=10**6)
-    state = np.zeros((2, 3), np.float32)
-    actions = np.array([agent.act(state) for _ in range(2000)])
-    kept = (actions[1:] == actions[:-1]).mean()
-    assert kept == pytest.approx(1 - 0.75 / 3, abs=0.04)  # drawn anew every 3 decisions on average
-
-
-def test_temperature_draws_by_softmax():
-    agent = agent_with(n_actions=3, temperature=0.2, exploration_max=1e-12, exploration_min=1e-12)
+def test_one_head_is_followed_until_a_reward_or_for_a_while():
+    agent = agent_with(heads=8, head_decisions=20, exploration_max=1e-12, exploration_min=1e-12, initial_buffer=10**6)
     state = np.ones((2, 3), np.float32)
-    scores = np.exp(values(agent.network, state[None]) / 0.2)
-    shares = np.bincount([agent.act(state) for _ in range(4000)], minlength=3) / 4000
-    np.testing.assert_allclose(shares, scores / scores.sum(), atol=0.04)
+    heads = np.array([agent.network(torch.ones(1, 2, 3)).detach().numpy().reshape(8, -1).argmax(axis=1)])[0]
+    followed = []
+    for i in range(2000):
+        followed.append(int(agent.to_arrays()["following"][0]))
+        assert agent.act(state) == heads[followed[-1]]
+        agent.observe(state[0], 0, 0.0, terminated=False, start=i == 0)
+    changes = (np.diff(followed) != 0).mean()
+    assert changes == pytest.approx(7 / 8 / 20, rel=0.3) and set(followed) == set(range(8))
+
+
+def test_heads_learn_their_own_values_and_play_by_their_mean():
+    agent = live(agent_with(heads=5, learning_rate=1e-2), 200)
+    state = np.ones((2, 3), np.float32)
+    by_head = agent.network(torch.from_numpy(state[None])).detach().numpy().reshape(5, -1)
+    assert (np.ptp(by_head, axis=0) > 0).all()
+    np.testing.assert_allclose(agent.action_values(state[None])[0], by_head.mean(axis=0), rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"heads": 0}, {"batch_size": 0}, {"learning_rate": 0.0}, {"learning_rate": float("nan")}, {"discount": 1.5},
+        {"exploration_min": 0.5, "exploration_max": 0.1}, {"replay_capacity": 3, "n_steps": 3},
+        {"target_rate": 0.0}, {"adam_epsilon": float("inf")}, {"reward_share": -0.1},
+    ],
+)  # fmt: skip
+def test_impossible_settings_are_refused(settings):
+    with pytest.raises(UsageError, match=rf"agent\.{next(iter(settings))}"):
+        DQNConfig(**settings)

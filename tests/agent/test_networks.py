@@ -70,7 +70,7 @@ def test_measured_vectors_have_mean_0_and_deviation_1():
     layer.fit(states)
     x = layer(states)
     torch.testing.assert_close(x.mean(dim=0), torch.zeros(2, 4), atol=1e-4, rtol=0)
-    torch.testing.assert_close(x.std(dim=0)[:, :3], torch.ones(2, 3), atol=1e-4, rtol=0)
+    torch.testing.assert_close(x.std(dim=0, correction=0)[:, :3], torch.ones(2, 3), atol=1e-4, rtol=0)
     assert (x[:, :, 3] == 0).all()
     other = states.clone()
     other[:, 0, 3] = 3.0  # what did not vary keeps its unit

@@ -1,5 +1,6 @@
 """Deep Q-learning (§3.3; Mnih et al. 2015), with the additions that proved worth it here."""
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,7 +13,7 @@ from torch.nn import functional
 from semrl.agent.networks import NetworkConfig, build_network
 from semrl.agent.replay import Batch, ReplayBuffer
 from semrl.arrays import Arrays, array_to_rng, nest, rng_to_array, unnest
-from semrl.errors import SemrlError
+from semrl.errors import SemrlError, UsageError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,10 +26,14 @@ class DQNConfig:
     """Probability of a random action at the beginning."""
     exploration_min: float = 0.01
     """Probability of a random action at the end; the decay is exponential."""
-    exploration_hold: int = 1
-    """A random action is held for 1 to so many decisions (Dabney et al. 2021); 1: each is drawn anew."""
-    temperature: float = 0.0
-    """Actions are drawn with probability exp(value / temperature): where values tie, chance decides; 0: greedy."""
+    idle_decisions: int = 0
+    """Decisions without a reward after which exploration rises until the next one; 0: never."""
+    idle_exploration: float = 0.2
+    """Probability of a random action while nothing has happened for so long."""
+    heads: int = 1
+    """Estimates of the values side by side (bootstrapped DQN, Osband et al. 2016); one at a time is followed."""
+    head_decisions: int = 100
+    """Decisions after which another head is followed, on average; after a reward it is always another."""
     learning_rate: float = 1e-4
     """Step size of Adam."""
     adam_beta1: float = 0.99
@@ -46,9 +51,7 @@ class DQNConfig:
     discount: float = 0.99
     """What a reward one decision later counts."""
     decisions_per_update: int = 4
-    """Decisions between two rounds of updates."""
-    updates: int = 1
-    """Updates in one round."""
+    """Decisions between two updates."""
     reward_share: float = 0.0
     """Share of a batch that is drawn from the decisions shortly before rewards; the rest is uniform."""
     n_steps: int = 1
@@ -61,10 +64,36 @@ class DQNConfig:
     """Updates between two renewals of the target network."""
     clip_rewards: bool = True
     """Learn from the sign of the reward only."""
-    max_gradient_norm: float = 0.0
-    """Longer gradients are shortened to this norm; 0: never."""
     network: NetworkConfig = field(default_factory=NetworkConfig)
     """Shape of the Q-network."""
+
+    def __post_init__(self) -> None:
+        for name in _COUNTS:
+            if getattr(self, name) < 1:
+                raise UsageError(f"agent.{name} must be 1 or more, not {getattr(self, name)}")
+        for name in _SHARES:
+            if not 0 <= getattr(self, name) <= 1:
+                raise UsageError(f"agent.{name} must lie between 0 and 1, not {getattr(self, name)}")
+        for name in _POSITIVE:
+            if not 0 < getattr(self, name) < math.inf:
+                raise UsageError(f"agent.{name} must be above 0, not {getattr(self, name)}")
+        if self.idle_decisions < 0:
+            raise UsageError(f"agent.idle_decisions must be 0 or more, not {self.idle_decisions}")
+        if self.exploration_min > self.exploration_max:
+            raise UsageError("agent.exploration_min must not exceed agent.exploration_max")
+        if self.replay_capacity <= self.n_steps:
+            raise UsageError(f"agent.replay_capacity must exceed agent.n_steps, {self.n_steps}")
+
+
+_COUNTS = (
+    "exploration_frames", "heads", "head_decisions", "batch_size", "initial_buffer", "decisions_per_update", "n_steps",
+    "target_updates",
+)  # fmt: skip
+_SHARES = (
+    "exploration_min", "exploration_max", "idle_exploration", "adam_beta1", "adam_beta2", "discount", "reward_share",
+    "target_rate",
+)  # fmt: skip
+_POSITIVE = ("exploration_min", "learning_rate", "adam_epsilon", "target_rate")
 
 
 class DQN:
@@ -98,8 +127,8 @@ class DQN:
         self.n_actions = n_actions
         self.frame_skip = frame_skip
         self.replay = ReplayBuffer(config.replay_capacity, shape, dtype)
-        self.network = build_network(shape, n_actions, config.network, seed=seed)
-        self.target = build_network(shape, n_actions, config.network, seed=seed)
+        self.network = build_network(shape, n_actions * config.heads, config.network, seed=seed)
+        self.target = build_network(shape, n_actions * config.heads, config.network, seed=seed)
         self.optimiser = torch.optim.Adam(
             self.network.parameters(),
             lr=config.learning_rate,
@@ -108,41 +137,34 @@ class DQN:
             fused=len(shape) == 1,  # twice as fast for small networks, slower for convolutions
         )
         self._rng = np.random.default_rng(seed)
-        self._held_action = 0
-        self._held_decisions = 0  # for which the random action is still held
+        self._head = 0  # which is followed
+        self._idle = 0  # decisions since the last reward
         self.decisions_ = 0
         self.updates_ = 0
         self.loss_ = float("nan")
 
     @property
     def exploration(self) -> float:
-        """Probability that the next action is random: exponential decay from maximum to minimum."""
+        """Probability that the next action is random: exponential decay from maximum to minimum, more when idle."""
         c = self.config
+        if c.idle_decisions and self._idle >= c.idle_decisions:
+            return c.idle_exploration
         progress = min(1.0, self.decisions_ * self.frame_skip / c.exploration_frames)
         return float(c.exploration_max * (c.exploration_min / c.exploration_max) ** progress)
 
     def act(self, state: NDArray[Any]) -> int:
         """Choose an action for ``(2, *shape)``, the current and the previous observation: ε-greedy."""
-        if self._held_decisions == 0 and self._rng.random() < self.exploration:
-            self._held_action = int(self._rng.integers(self.n_actions))
-            self._held_decisions = int(self._rng.integers(1, self.config.exploration_hold + 1))
-        if self._held_decisions:
-            self._held_decisions -= 1
-            return self._held_action
-        values = self.action_values(state[None])[0]
-        if self.config.temperature:
-            # Gumbel's trick: the largest of the noisy values is drawn with the softmax probabilities.
-            values = values / self.config.temperature + self._rng.gumbel(size=self.n_actions)
-        return int(values.argmax())
+        if self._rng.random() < self.exploration:
+            return int(self._rng.integers(self.n_actions))
+        return int(self._head_values(state[None])[0, self._head].argmax())
 
     def best_action(self, state: NDArray[Any]) -> int:
         """Return the action of the highest value in a state, ``(2, *shape)``."""
         return int(self.action_values(state[None])[0].argmax())
 
     def action_values(self, states: NDArray[Any]) -> NDArray[np.float32]:
-        """Return the estimated values of all actions, ``(b, n_actions)``, for ``(b, 2, *shape)``."""
-        with torch.inference_mode():
-            return np.asarray(self.network(torch.from_numpy(states)).numpy(), dtype=np.float32)
+        """Return the estimated values of all actions, ``(b, n_actions)``, for ``(b, 2, *shape)``: the heads' mean."""
+        return np.asarray(self._head_values(states).mean(axis=1))
 
     def observe(self, observation: NDArray[Any], action: int, reward: float, *, terminated: bool, start: bool) -> None:
         """Remember one decision and, when it is time, learn."""
@@ -150,13 +172,15 @@ class DQN:
         reward = float(np.sign(reward)) if c.clip_rewards else reward
         self.replay.add(observation, action, reward, terminated=terminated, start=start)
         self.decisions_ += 1
+        self._idle = 0 if reward or start else self._idle + 1
+        if reward or self._rng.random() * c.head_decisions < 1:
+            self._head = int(self._rng.integers(c.heads))
         if self.decisions_ == c.initial_buffer and c.network.normalise_input:
             states = torch.from_numpy(self.replay.latest(c.initial_buffer))
             for network in (self.network, self.target):
                 network[0].fit(states)  # type: ignore[operator]
         if self.decisions_ >= c.initial_buffer and self.decisions_ % c.decisions_per_update == 0:
-            for _ in range(c.updates):
-                self.update(self._sample())
+            self.update(self._sample())
 
     def end_episode(self, observation: NDArray[Any]) -> None:
         """Remember the last observation of an episode."""
@@ -170,8 +194,9 @@ class DQN:
         SemrlError
             When the loss is not a number.
         """
-        states = torch.from_numpy(batch.states)
-        values = self.network(states).gather(1, torch.from_numpy(batch.actions)[:, None])[:, 0]
+        values = self._per_head(self.network(torch.from_numpy(batch.states)))
+        actions = torch.from_numpy(batch.actions)[:, None, None].expand(-1, self.config.heads, 1)
+        values = values.gather(2, actions)[:, :, 0]  # (b, heads)
         loss = functional.smooth_l1_loss(values, self._targets(batch))
         self.loss_ = float(loss.detach())
         if not np.isfinite(self.loss_):
@@ -181,8 +206,6 @@ class DQN:
             )
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
-        if self.config.max_gradient_norm:
-            torch.nn.utils.clip_grad_norm_(self.network.parameters(), self.config.max_gradient_norm)
         self.optimiser.step()
         self.updates_ += 1
         if self.updates_ % self.config.target_updates == 0:
@@ -199,7 +222,7 @@ class DQN:
             ),
             "rng": rng_to_array(self._rng),
             "counters": np.array([self.decisions_, self.updates_]),
-            "held": np.array([self._held_action, self._held_decisions]),
+            "following": np.array([self._head, self._idle]),
             "loss": np.array(self.loss_),
         }
 
@@ -211,7 +234,7 @@ class DQN:
         self.replay.from_arrays(unnest(arrays, "replay"))
         self._rng = array_to_rng(arrays["rng"])
         self.decisions_, self.updates_ = (int(n) for n in arrays["counters"])
-        self._held_action, self._held_decisions = (int(n) for n in arrays["held"])
+        self._head, self._idle = (int(n) for n in arrays["following"])
         self.loss_ = float(arrays["loss"])
 
     def load_network(self, arrays: Arrays) -> None:
@@ -227,14 +250,23 @@ class DQN:
     def _targets(self, batch: Batch) -> Tensor:
         with torch.no_grad():
             next_states = torch.from_numpy(batch.next_states)
-            next_values = self.target(next_states)
+            next_values = self._per_head(self.target(next_states))
             if self.config.double:
-                best = self.network(next_states).argmax(dim=1, keepdim=True)
-                value = next_values.gather(1, best)[:, 0]
+                best = self._per_head(self.network(next_states)).argmax(dim=2, keepdim=True)
+                value = next_values.gather(2, best)[:, :, 0]
             else:
-                value = next_values.amax(dim=1)
-            targets: Tensor = torch.from_numpy(batch.returns) + torch.from_numpy(batch.discounts) * value
+                value = next_values.amax(dim=2)
+            returns, discounts = torch.from_numpy(batch.returns), torch.from_numpy(batch.discounts)
+            targets: Tensor = returns[:, None] + discounts[:, None] * value  # (b, heads)
         return targets
+
+    def _per_head(self, values: Tensor) -> Tensor:
+        """View the network's output as ``(b, heads, n_actions)``."""
+        return values.view(len(values), self.config.heads, self.n_actions)
+
+    def _head_values(self, states: NDArray[Any]) -> NDArray[np.float32]:
+        with torch.inference_mode():
+            return np.asarray(self._per_head(self.network(torch.from_numpy(states))).numpy(), dtype=np.float32)
 
     def _renew_target(self) -> None:
         with torch.no_grad():
@@ -246,7 +278,7 @@ class DQN:
         return {f"{i}/{name}": value.numpy() for i, moments in state.items() for name, value in moments.items()}
 
     def _load_optimiser(self, arrays: Arrays) -> None:
-        whole = self.optimiser.state_dict()
+        whole = self.optimiser.state_dict() | {"state": {}}
         for key, value in arrays.items():
             i, name = key.split("/")
             whole["state"].setdefault(int(i), {})[name] = torch.from_numpy(value.copy())

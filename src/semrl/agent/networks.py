@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
+from semrl.errors import UsageError
+
 
 @dataclass(frozen=True, kw_only=True)
 class NetworkConfig:
@@ -16,6 +18,14 @@ class NetworkConfig:
     """Normalise each dense layer before its activation (Ba et al. 2016)."""
     normalise_input: bool = False
     """Bring each number of a vector to mean 0 and standard deviation 1, as measured on the initial buffer."""
+
+    def __post_init__(self) -> None:
+        if any(units < 1 for units in self.hidden_units):
+            raise UsageError(f"agent.network.hidden_units must all be 1 or more, not {self.hidden_units}")
+
+
+LEAST_DEVIATION = 0.5
+"""Smallest deviation that is divided by, as a share of the root mean square over all numbers of its kind."""
 
 
 class StateInput(nn.Module):
@@ -40,9 +50,11 @@ class StateInput(nn.Module):
             return
         x = self._differences(states)
         self.mean.copy_(x.mean(dim=0))
-        deviation = x.std(dim=0)
-        # What never varied in the sample keeps its unit: dividing by almost nothing would blow it up later.
-        self.scale.copy_(torch.where(deviation > 1e-6, 1 / deviation.clamp_min(1e-6), torch.ones_like(deviation)))
+        deviation = x.std(dim=0, correction=0)  # (2, d)
+        # What hardly varied in the sample may vary later: dividing by almost nothing would blow it up.
+        least = LEAST_DEVIATION * deviation.square().mean(dim=1, keepdim=True).sqrt()
+        deviation = torch.maximum(deviation, least)
+        self.scale.copy_(torch.where(deviation > 0, 1 / deviation, torch.ones_like(deviation)))
 
     def forward(self, states: Tensor) -> Tensor:
         """Map ``(b, 2, *shape)`` of bytes or floats to ``(b, 2, *shape)`` float32."""

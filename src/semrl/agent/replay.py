@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from semrl.arrays import Arrays
+from semrl.errors import DataError
 from semrl.types import Ints
 
 REWARD_WINDOW = 64
@@ -114,7 +115,7 @@ class ReplayBuffer:
         return self._stack(np.arange(max(oldest, self._count - count), self._count), oldest)
 
     def to_arrays(self) -> Arrays:
-        """Return the filled part of the ring."""
+        """Return the filled part of the ring: views that the next `add` may change."""
         n = len(self)
         return {
             "observations": self._observations[:n],
@@ -126,7 +127,7 @@ class ReplayBuffer:
         }
 
     def from_arrays(self, arrays: Arrays) -> None:
-        """Take over a ring of the same capacity and shape."""
+        """Take over a ring of the same capacity and shape; a full one is not copied."""
         self._observations = _extended(arrays["observations"], self.capacity)
         n = len(arrays["actions"])
         self._actions[:n] = arrays["actions"]
@@ -137,6 +138,8 @@ class ReplayBuffer:
 
     def _draw(self, rng: np.random.Generator, size: int, oldest: int, newest: int) -> Ints:
         """Draw entries that have an action and a successor."""
+        if newest <= oldest:
+            raise DataError("nothing to replay yet: the buffer needs an observation and the one after it")
         ticks = rng.integers(oldest, newest, size)
         while (bad := self._actions[ticks % self.capacity] < 0).any():
             ticks[bad] = rng.integers(oldest, newest, int(bad.sum()))

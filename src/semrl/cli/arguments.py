@@ -33,7 +33,7 @@ def parse(kind: type[Arguments], argv: Sequence[str], *, command: str, default: 
                 args=list(argv),
                 prog=f"semrl {command}",
                 default=tyro.MISSING_NONPROP if default is None else default,
-                config=(tyro.conf.FlagCreatePairsOff, tyro.conf.HelptextFromCommentsOff),
+                config=(tyro.conf.HelptextFromCommentsOff,),
             )
     except SystemExit as leave:
         if leave.code in (0, None):

@@ -157,7 +157,7 @@ def load_player(run: str | Path) -> Player:
     checkpoint = folder.load(prefixes=("pipeline/", "agent/network/", "schooling/position", "decisions"))
     if checkpoint is None:
         raise UsageError(f"{run} has no checkpoint yet; go on with: semrl train --run {run} --resume")
-    trainer = build_trainer(replace(config, agent=replace(config.agent, replay_capacity=1)))
+    trainer = build_trainer(replace(config, agent=replace(config.agent, replay_capacity=config.agent.n_steps + 1)))
     try:
         trainer.pipeline.from_arrays(unnest(checkpoint.arrays, "pipeline"))
         trainer.agent.load_network(unnest(checkpoint.arrays, "agent/network"))

@@ -39,10 +39,11 @@ class EnvironmentConfig:
             raise UsageError(f"max_noops must be 0 or more, not {self.max_noops}")
 
 
-class FrameSkip(gym.Wrapper[Any, Any, Any, Any]):
+class FrameSkip(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs):
     """Hold each action for a number of frames and sum the rewards; for games that cannot do it themselves."""
 
     def __init__(self, env: Env, frames: int) -> None:
+        gym.utils.RecordConstructorArgs.__init__(self, frames=frames)
         super().__init__(env)
         self.frames = frames
 
@@ -57,10 +58,11 @@ class FrameSkip(gym.Wrapper[Any, Any, Any, Any]):
         return observation, total, terminated, truncated, info
 
 
-class NoopStart(gym.Wrapper[Any, Any, Any, Any]):
+class NoopStart(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs):
     """Begin each episode with a random number of no-op decisions (Mnih et al. 2015)."""
 
     def __init__(self, env: Env, max_noops: int) -> None:
+        gym.utils.RecordConstructorArgs.__init__(self, max_noops=max_noops)
         super().__init__(env)
         self.max_noops = max_noops
         self.noop = action_meanings(env).index("NOOP")

@@ -1,0 +1,82 @@
+"""Train and test models on several seeds, one after the other, and print every seed's score.
+
+What is done is not done again, and what was interrupted goes on: call it as often as you like, for several
+models side by side if there are processors.
+
+    python benchmarks/scores.py --models ram semantic --seeds 0 1 2
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import machine
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from semrl import evaluate, preset, train
+from semrl.runs import RunFolder
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arguments:
+    """Train and test models on several seeds."""
+
+    models: tuple[str, ...] = ("ram", "semantic")
+    """Models of Table 4.1."""
+    seeds: tuple[int, ...] = (0, 1, 2)
+    """Seeds of the runs."""
+    preset: str = "semrl"
+    """Named settings."""
+    frames: int = 400_000
+    """Budget of each run in emulator frames, four to a decision."""
+    out: Path = Path("runs/scores")
+    """Folder of the runs."""
+    json: bool = False
+    """Print one JSON object as the only line of standard output."""
+
+
+def main(arguments: Arguments) -> None:
+    """Run what is missing and print the table."""
+    rows = [score(arguments, model, seed) for model in arguments.models for seed in arguments.seeds]
+    if arguments.json:
+        print(json.dumps({"machine": machine.describe(), "scores": rows}))
+        return
+    Console().print(table(rows))
+
+
+def score(arguments: Arguments, model: str, seed: int) -> dict[str, Any]:
+    """Train and test one run as far as that was not done yet."""
+    run = arguments.out / f"{model}-{seed}"
+    config = preset(arguments.preset, model, {"frames": arguments.frames, "seed": seed})
+    result = train(run) if run.exists() else train(run, config)
+    kept = run / "evaluation.json"
+    if not kept.exists():
+        evaluate(run)
+    tested = json.loads(kept.read_text())
+    return {
+        "model": model,
+        "seed": seed,
+        "decisions": result.decisions,
+        "episodes": result.episodes,
+        "last10": result.return_mean_last10,
+        **{key: tested[key] for key in ("mean", "std", "min", "max")},
+        "minutes": round(result.seconds / 60, 1),
+        "weights": RunFolder.open(run).manifest()["hashes"]["weights"][:8],
+    }
+
+
+def table(rows: Sequence[dict[str, Any]]) -> Table:
+    """Lay the rows out."""
+    columns = list(rows[0])
+    laid = Table(*columns, box=None, padding=(0, 2, 0, 0))
+    for row in rows:
+        laid.add_row(*(f"{row[key]:.2f}" if isinstance(row[key], float) else str(row[key]) for key in columns))
+    return laid
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Arguments))
