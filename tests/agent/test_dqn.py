@@ -178,7 +178,7 @@ FULL = {
     "plain": {},
     "everything": {
         "double": True, "n_steps": 3, "reward_share": 0.25, "target_rate": 0.1, "target_updates": 1,
-        "heads": 3, "head_decisions": 5, "idle_decisions": 7,
+        "heads": 3, "head_decisions": 5, "decision_cost": 0.01,
         "network": NetworkConfig(hidden_units=(16, 16), layer_norm=True, normalise_input=True),
     },
 }  # fmt: skip
@@ -241,7 +241,7 @@ def test_one_head_is_followed_until_a_reward_or_for_a_while():
     heads = np.array([agent.network(torch.ones(1, 2, 3)).detach().numpy().reshape(8, -1).argmax(axis=1)])[0]
     followed = []
     for i in range(2000):
-        followed.append(int(agent.to_arrays()["following"][0]))
+        followed.append(int(agent.to_arrays()["head"]))
         assert agent.act(state) == heads[followed[-1]]
         agent.observe(state[0], 0, 0.0, terminated=False, start=i == 0)
     changes = (np.diff(followed) != 0).mean()

@@ -64,7 +64,7 @@ def test_vectors_are_not_scaled_until_measured():
 
 def test_measured_vectors_have_mean_0_and_deviation_1():
     rng = np.random.default_rng(0)
-    states = torch.from_numpy((rng.normal(size=(500, 2, 4)) * [1, 10, 0.1, 1] + [0, 5, -3, 2]).astype(np.float32))
+    states = torch.from_numpy((rng.normal(size=(500, 2, 4)) * [1, 2, 0.8, 1] + [0, 5, -3, 2]).astype(np.float32))
     states[:, :, 3] = 2.0  # never varies
     layer = StateInput((4,), is_image=False)
     layer.fit(states)
@@ -73,8 +73,15 @@ def test_measured_vectors_have_mean_0_and_deviation_1():
     torch.testing.assert_close(x.std(dim=0, correction=0)[:, :3], torch.ones(2, 3), atol=1e-4, rtol=0)
     assert (x[:, :, 3] == 0).all()
     other = states.clone()
-    other[:, 0, 3] = 3.0  # what did not vary keeps its unit
-    torch.testing.assert_close(layer(other)[:, 0, 3], torch.ones(500))
+    other[:, 0, 3] = 3.0  # what did not vary is divided by half the usual deviation of its kind, not by nothing
+    usual = np.sqrt(np.square(states[:, 0].numpy().std(axis=0)).mean())
+    torch.testing.assert_close(layer(other)[:, 0, 3], torch.full((500,), 1 / (0.5 * float(usual))))
+
+
+def test_numbers_that_never_vary_keep_their_unit():
+    layer = StateInput((2,), is_image=False)
+    layer.fit(torch.full((5, 2, 2), 4.0))
+    torch.testing.assert_close(layer(torch.full((1, 2, 2), 6.0))[0, 0], torch.full((2,), 2.0))
 
 
 def test_images_keep_their_unit():

@@ -71,9 +71,7 @@ def test_a_full_disk_is_told(path):
     metrics._file = open("/dev/full", "w")  # noqa: PTH123, SIM115 - stays open, as the metrics do
     metrics._writer = csv.DictWriter(metrics._file, COLUMNS)
     with pytest.raises(SemrlError, match=r"cannot write .*metrics\.csv: No space left"):
-        for i in range(10_000):  # until the buffer is full
-            metrics.write(row(i))
-    metrics.write(row(0))
+        metrics.write(row(0))
     with pytest.raises(SemrlError, match="No space left"):
         metrics.flush()
     metrics.close()

@@ -26,10 +26,6 @@ class DQNConfig:
     """Probability of a random action at the beginning."""
     exploration_min: float = 0.01
     """Probability of a random action at the end; the decay is exponential."""
-    idle_decisions: int = 0
-    """Decisions without a reward after which exploration rises until the next one; 0: never."""
-    idle_exploration: float = 0.2
-    """Probability of a random action while nothing has happened for so long."""
     heads: int = 1
     """Estimates of the values side by side (bootstrapped DQN, Osband et al. 2016); one at a time is followed."""
     head_decisions: int = 100
@@ -62,6 +58,8 @@ class DQNConfig:
     """Share of the online weights taken over at each renewal of the target network."""
     target_updates: int = 10_000
     """Updates between two renewals of the target network."""
+    decision_cost: float = 0.0
+    """Taken from the reward of every decision when learning, so that what leads nowhere is worse than trying."""
     clip_rewards: bool = True
     """Learn from the sign of the reward only."""
     network: NetworkConfig = field(default_factory=NetworkConfig)
@@ -77,8 +75,6 @@ class DQNConfig:
         for name in _POSITIVE:
             if not 0 < getattr(self, name) < math.inf:
                 raise UsageError(f"agent.{name} must be above 0, not {getattr(self, name)}")
-        if self.idle_decisions < 0:
-            raise UsageError(f"agent.idle_decisions must be 0 or more, not {self.idle_decisions}")
         if self.exploration_min > self.exploration_max:
             raise UsageError("agent.exploration_min must not exceed agent.exploration_max")
         if self.replay_capacity <= self.n_steps:
@@ -90,7 +86,7 @@ _COUNTS = (
     "target_updates",
 )  # fmt: skip
 _SHARES = (
-    "exploration_min", "exploration_max", "idle_exploration", "adam_beta1", "adam_beta2", "discount", "reward_share",
+    "exploration_min", "exploration_max", "adam_beta1", "adam_beta2", "discount", "decision_cost", "reward_share",
     "target_rate",
 )  # fmt: skip
 _POSITIVE = ("exploration_min", "learning_rate", "adam_epsilon", "target_rate")
@@ -138,17 +134,14 @@ class DQN:
         )
         self._rng = np.random.default_rng(seed)
         self._head = 0  # which is followed
-        self._idle = 0  # decisions since the last reward
         self.decisions_ = 0
         self.updates_ = 0
         self.loss_ = float("nan")
 
     @property
     def exploration(self) -> float:
-        """Probability that the next action is random: exponential decay from maximum to minimum, more when idle."""
+        """Probability that the next action is random: exponential decay from maximum to minimum."""
         c = self.config
-        if c.idle_decisions and self._idle >= c.idle_decisions:
-            return c.idle_exploration
         progress = min(1.0, self.decisions_ * self.frame_skip / c.exploration_frames)
         return float(c.exploration_max * (c.exploration_min / c.exploration_max) ** progress)
 
@@ -172,7 +165,6 @@ class DQN:
         reward = float(np.sign(reward)) if c.clip_rewards else reward
         self.replay.add(observation, action, reward, terminated=terminated, start=start)
         self.decisions_ += 1
-        self._idle = 0 if reward or start else self._idle + 1
         if reward or self._rng.random() * c.head_decisions < 1:
             self._head = int(self._rng.integers(c.heads))
         if self.decisions_ == c.initial_buffer and c.network.normalise_input:
@@ -222,7 +214,7 @@ class DQN:
             ),
             "rng": rng_to_array(self._rng),
             "counters": np.array([self.decisions_, self.updates_]),
-            "following": np.array([self._head, self._idle]),
+            "head": np.array(self._head),
             "loss": np.array(self.loss_),
         }
 
@@ -234,7 +226,7 @@ class DQN:
         self.replay.from_arrays(unnest(arrays, "replay"))
         self._rng = array_to_rng(arrays["rng"])
         self.decisions_, self.updates_ = (int(n) for n in arrays["counters"])
-        self._head, self._idle = (int(n) for n in arrays["following"])
+        self._head = int(arrays["head"])
         self.loss_ = float(arrays["loss"])
 
     def load_network(self, arrays: Arrays) -> None:
@@ -244,7 +236,12 @@ class DQN:
     def _sample(self) -> Batch:
         c = self.config
         return self.replay.sample(
-            self._rng, c.batch_size, n_steps=c.n_steps, discount=c.discount, reward_share=c.reward_share
+            self._rng,
+            c.batch_size,
+            n_steps=c.n_steps,
+            discount=c.discount,
+            cost=c.decision_cost,
+            reward_share=c.reward_share,
         )
 
     def _targets(self, batch: Batch) -> Tensor:

@@ -50,7 +50,7 @@ class MetricsFile:
         return time.monotonic() - self._began
 
     def write(self, row: Mapping[str, Any]) -> None:
-        """Append one row.
+        """Append one row, at once: people watch the file grow.
 
         Raises
         ------
@@ -59,6 +59,7 @@ class MetricsFile:
         """
         with self._told():
             self._writer.writerow({**row, "seconds": round(self.seconds, 3)})
+            self._file.flush()
         self.n_rows += 1
 
     def flush(self) -> None:
