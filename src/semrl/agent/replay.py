@@ -137,12 +137,10 @@ class ReplayBuffer:
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Take over a ring of the same capacity and shape; a full one is not copied."""
-        self._observations = _extended(arrays["observations"], self.capacity)
-        n = len(arrays["actions"])
-        self._actions[:n] = arrays["actions"]
-        self._rewards[:n] = arrays["rewards"]
-        self._terminated[:n] = arrays["terminated"]
-        self._starts[:n] = arrays["starts"]
+        self._observations, self._actions, self._rewards, self._terminated, self._starts = (
+            _extended(arrays[name], self.capacity)
+            for name in ("observations", "actions", "rewards", "terminated", "starts")
+        )
         self._count = int(arrays["count"])
 
     def _draw(self, rng: np.random.Generator, size: int, oldest: int, newest: int) -> Ints:
@@ -155,14 +153,17 @@ class ReplayBuffer:
         return ticks
 
     def _draw_rewarded(self, rng: np.random.Generator, ticks: Ints, oldest: int, newest: int) -> None:
-        """Replace drawn entries by such as lie at most `REWARD_WINDOW` before a reward, where there are any."""
-        rewarded = np.flatnonzero(self._rewards[: len(self)])
-        if not len(rewarded) or not len(ticks):
-            return
-        rewarded = newest - (newest - rewarded) % self.capacity  # entry → tick
-        drawn = rng.choice(rewarded, len(ticks)) - rng.integers(REWARD_WINDOW, size=len(ticks))
-        fit = (drawn >= oldest) & (drawn < newest) & (self._actions[drawn % self.capacity] >= 0)
-        ticks[fit] = drawn[fit]
+        """Replace drawn entries by such as lie at most `REWARD_WINDOW` before a reward, where there are any.
+
+        Gains and losses are drawn equally often, however rare one of them is.
+        """
+        kinds = [np.flatnonzero(self._rewards > 0), np.flatnonzero(self._rewards < 0)]
+        kinds = [kind for kind in kinds if len(kind)]
+        for kind, part in zip(kinds, np.array_split(ticks, len(kinds) or 1), strict=False):
+            rewarded = newest - (newest - kind) % self.capacity  # entry → tick
+            drawn = rng.choice(rewarded, len(part)) - rng.integers(REWARD_WINDOW, size=len(part))
+            fit = (drawn >= oldest) & (drawn < newest) & (self._actions[drawn % self.capacity] >= 0)
+            part[fit] = drawn[fit]
 
     def _stack(self, ticks: Ints, oldest: int) -> NDArray[Any]:
         """Put each observation beside the one before it; beside itself at the start of an episode."""
