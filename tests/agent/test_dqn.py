@@ -178,7 +178,7 @@ FULL = {
     "plain": {},
     "everything": {
         "double": True, "n_steps": 3, "reward_share": 0.25, "target_rate": 0.1, "target_updates": 1,
-        "heads": 3, "head_decisions": 5, "decision_cost": 0.01,
+        "heads": 3, "head_decisions": 5,
         "network": NetworkConfig(hidden_units=(16, 16), layer_norm=True, normalise_input=True),
     },
 }  # fmt: skip

@@ -138,6 +138,7 @@ def test_the_help_explains_every_setting(call, monkeypatch):
         text = line.strip("│| ")
         if text.startswith("--"):
             flag, _, rest = text.partition(" ")
+            flag = flag.rstrip(",")
             text = re.sub(r"^(\{\S*\}(\|\w+)?|\[.*\]|[A-Z]+)", "", rest)
         explained[flag] = f"{explained.get(flag, '')} {text}"
     names = list(settings(RunConfig))

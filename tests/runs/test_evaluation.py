@@ -69,6 +69,7 @@ def test_returns_are_the_sums_of_the_rewards_of_greedy_play(semantic_run):
         while not done:
             with torch.no_grad():
                 values = trainer.agent.network(torch.from_numpy(np.stack([now, before])[None]))
+            values = values.reshape(config.agent.heads, game.n_actions).mean(axis=0)
             outcome = game.step(int(values.argmax()))
             now, before = trainer.pipeline.encode(outcome.observation), now
             rewards.append(outcome.reward)

@@ -127,7 +127,7 @@ def run(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def few_decisions(monkeypatch):
-    monkeypatch.setattr(recording, "GALLERY_DECISIONS", 200)
+    monkeypatch.setattr(gallery, "GALLERY_DECISIONS", 200)
 
 
 def test_a_gallery_holds_what_perception_saw(run):

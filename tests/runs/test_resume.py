@@ -23,7 +23,7 @@ DOC2VEC = {
     "pipeline__doc2vec__epochs": 2,
     "pipeline__doc2vec__dimension": 8,
 }
-RICH_AGENT = {"agent__exploration_hold": 4, "agent__temperature": 0.1, "agent__reward_share": 0.5}
+RICH_AGENT = {"agent__heads": 3, "agent__head_decisions": 5, "agent__reward_share": 0.5}
 
 
 class Rows:

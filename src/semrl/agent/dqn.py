@@ -58,8 +58,6 @@ class DQNConfig:
     """Share of the online weights taken over at each renewal of the target network."""
     target_updates: int = 10_000
     """Updates between two renewals of the target network."""
-    decision_cost: float = 0.0
-    """Taken from the reward of every decision when learning, so that what leads nowhere is worse than trying."""
     clip_rewards: bool = True
     """Learn from the sign of the reward only."""
     network: NetworkConfig = field(default_factory=NetworkConfig)
@@ -86,7 +84,7 @@ _COUNTS = (
     "target_updates",
 )  # fmt: skip
 _SHARES = (
-    "exploration_min", "exploration_max", "adam_beta1", "adam_beta2", "discount", "decision_cost", "reward_share",
+    "exploration_min", "exploration_max", "adam_beta1", "adam_beta2", "discount", "reward_share",
     "target_rate",
 )  # fmt: skip
 _POSITIVE = ("exploration_min", "learning_rate", "adam_epsilon", "target_rate")
@@ -240,7 +238,6 @@ class DQN:
             c.batch_size,
             n_steps=c.n_steps,
             discount=c.discount,
-            cost=c.decision_cost,
             reward_share=c.reward_share,
         )
 

@@ -87,12 +87,9 @@ class ReplayBuffer:
         *,
         n_steps: int,
         discount: float,
-        cost: float = 0.0,
         reward_share: float = 0.0,
     ) -> Batch:
         """Draw transitions uniformly, with replacement; a share of them only from shortly before a reward.
-
-        The cost is taken from the reward of every step.
 
         Returns over n steps (Sutton 1988) stop at the end of the episode and at the newest entry.
         """
@@ -113,7 +110,7 @@ class ReplayBuffer:
         return Batch(
             states=self._stack(ticks, oldest),
             actions=self._actions[ticks % self.capacity].astype(np.int64),
-            returns=((self._rewards[entries] - np.float32(cost)) * alive * gammas[:-1]).sum(axis=1, dtype=np.float32),
+            returns=(self._rewards[entries] * alive * gammas[:-1]).sum(axis=1, dtype=np.float32),
             next_states=self._stack(next_ticks, oldest),
             discounts=np.where(ended, np.float32(0), gammas[lengths]),
         )
