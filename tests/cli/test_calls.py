@@ -146,7 +146,7 @@ def test_the_help_explains_every_setting(call, monkeypatch):
     for path in names:
         tables, _, last = path.replace("_", "-").rpartition(".")
         stem = f"--{tables}." if tables else "--"
-        text = explained.get(f"{stem}{last}") or explained.get(f"{stem}no-{last}")
+        text = explained.get(f"{stem}{last}", "").strip() or explained.get(f"{stem}no-{last}", "")
         assert text, f"{path} is no flag"
         assert len(text.split("(default")[0].split()) >= 3, f"{path} is not explained"
 

@@ -189,3 +189,10 @@ def test_what_cannot_work_leaves_no_folder(tmp_path, tiny):
         with pytest.raises(UsageError):
             train(tmp_path / "run", config)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_two_processes_cannot_train_one_run(tmp_path, tiny):
+    folder = RunFolder.create(tmp_path / "run", tiny())
+    with folder.locked(), pytest.raises(UsageError, match="another process"):
+        train(folder.path)
+    train(folder.path)

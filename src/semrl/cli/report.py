@@ -36,6 +36,7 @@ def main(argv: Sequence[str]) -> None:
     folders = [RunFolder.open(run) for run in arguments.runs]
     out = arguments.out or (arguments.runs[0] if len(folders) == 1 else Path()) / "report.html"
     for folder in folders:
+        folder.config()  # a damaged one is told before anything is made
         _make_gallery(folder)
     page = write_report(arguments.runs, out, defaults=to_dict(RunConfig()))
     if arguments.json:

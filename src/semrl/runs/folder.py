@@ -1,9 +1,12 @@
 """The folder of a run: configuration, manifest, metrics, checkpoints, results."""
 
+import contextlib
+import fcntl
 import json
 import os
 import platform
 import shutil
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -147,6 +150,22 @@ class RunFolder:
         if meta["format"] != FORMAT:
             raise UsageError(f"{paths[-1]} has format {meta['format']}; this semrl reads format {FORMAT}")
         return Checkpoint(arrays=arrays, metrics_rows=meta["metrics_rows"], seconds=meta["seconds"])
+
+    @contextlib.contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep other processes from training the same run; the lock ends with the process, however it ends.
+
+        Raises
+        ------
+        UsageError
+            When another process has it.
+        """
+        with (self.path / "lock").open("w") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise UsageError(f"{self.path} is being trained by another process") from None
+            yield
 
     def clean(self) -> None:
         """Remove what an interrupted write left behind."""

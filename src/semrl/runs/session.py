@@ -118,7 +118,7 @@ class _Session:
         manifest = self.folder.manifest()
         if manifest["status"] == "finished":
             return _told_before(manifest, self.folder)
-        with self._listening():
+        with self.folder.locked(), self._listening():
             self._begin()
             try:
                 self.trainer.run()
