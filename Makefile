@@ -2,6 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 RUN ?= runs/demo
+FRAMES ?= 200000
 export OMP_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
@@ -18,8 +19,8 @@ install: .venv/.installed  ## make .venv with everything in it
 	touch $@
 
 demo: install  ## train on Pong for a few minutes, evaluate, write a report
-	@if [ -e $(RUN) ]; then $(BIN)/semrl train --run $(RUN) --resume; else $(BIN)/semrl train --run $(RUN); fi
-	@$(BIN)/semrl eval $(RUN) --video $(RUN)/video.mp4
+	@$(BIN)/semrl train --run $(RUN) $(if $(wildcard $(RUN)),--resume,--frames $(FRAMES))
+	@$(BIN)/semrl eval $(RUN) --episodes 5 --video $(RUN)/video.mp4
 	@$(BIN)/semrl report $(RUN)
 
 test: install  ## the test suite, a few minutes
