@@ -33,7 +33,7 @@ class _Rate(ProgressColumn):
     def render(self, task: Task) -> Text:
         """Show the rate of the last seconds."""
         speed = task.finished_speed or task.speed
-        return Text("" if speed is None else f"{speed:,.0f}/s", style="progress.data.speed")
+        return Text("" if speed is None else f"{speed:,.{0 if speed >= 10 else 1}f}/s", style="progress.data.speed")
 
 
 def progress_bars() -> Progress:

@@ -18,24 +18,18 @@ from semrl.types import Ints
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class BirchConfig:
-    """Parameters of `Birch` (§3.2.2).
-
-    Attributes
-    ----------
-    threshold
-        Largest radius of a leaf, in units of the reduced objects.
-    branching_factor
-        Most children of a node of the tree.
-    max_classes
-        Most classes; leaves beyond that number are joined by Ward linkage.
-    max_leaves
-        Most leaves (the thesis has no limit); beyond it the threshold grows. Ward linkage costs its square.
-    """
+    """Parameters of `Birch` (§3.2.2)."""
 
     threshold: float = 0.5
+    """Largest radius of a leaf, in units of the reduced objects."""
+    compact: bool = False
+    """Whether an object must also lie within the threshold of its leaf's mean; else common kinds swallow rare ones."""
     branching_factor: int = 50
+    """Most children of a node of the tree."""
     max_classes: int = 10
+    """Most classes; leaves beyond that number are joined by Ward linkage."""
     max_leaves: int = 500
+    """Most leaves (the thesis has no limit); beyond it the threshold grows. Ward linkage costs its square."""
 
     def __post_init__(self) -> None:
         if not 1 <= self.max_classes <= self.max_leaves:
@@ -45,7 +39,10 @@ class BirchConfig:
     def tree(self) -> CFTreeConfig:
         """Return the tree's part, checked."""
         return CFTreeConfig(
-            threshold=self.threshold, branching_factor=self.branching_factor, max_leaves=self.max_leaves
+            threshold=self.threshold,
+            compact=self.compact,
+            branching_factor=self.branching_factor,
+            max_leaves=self.max_leaves,
         )
 
 

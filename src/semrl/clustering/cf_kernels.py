@@ -176,7 +176,8 @@ def insert_one(store: Store, rows: Features, i: int) -> int:
     if store.sizes[node] > 0:
         nearest, distance = nearest_child(store, node, rows.means, i)
         largest = (store.leaves.counts[nearest] + rows.counts[i]) * store.threshold[0] ** 2
-        if merged_deviation(store.leaves, nearest, rows, i, distance) <= largest:
+        near = distance <= store.threshold[1] ** 2
+        if near and merged_deviation(store.leaves, nearest, rows, i, distance) <= largest:
             absorb(store.leaves, nearest, rows, i)
             return nearest
     leaf = store.counters[N_LEAVES]

@@ -33,10 +33,10 @@ class Store(NamedTuple):
     parents: NDArray[np.int64]  # (m,) -1 above the root
     is_bottom: NDArray[np.bool_]  # (m,) whether the children are leaves
     counters: NDArray[np.int64]  # (5,)
-    threshold: NDArray[np.float64]  # (1,) largest radius of a leaf
+    threshold: NDArray[np.float64]  # (2,) largest radius of a leaf, largest distance of a row from its mean
 
 
-def new_store(dimension: int, branching_factor: int, threshold: float, leaves: int = 64) -> Store:
+def new_store(dimension: int, branching_factor: int, threshold: float, *, reach: float, leaves: int = 64) -> Store:
     """Make an empty tree: one bottom node as root, and room for some leaves."""
     nodes = 16
     store = Store(
@@ -48,7 +48,7 @@ def new_store(dimension: int, branching_factor: int, threshold: float, leaves: i
         parents=np.full(nodes, -1, np.int64),
         is_bottom=np.zeros(nodes, np.bool_),
         counters=np.array([0, 1, 0, 1, 0], np.int64),
-        threshold=np.array([threshold]),
+        threshold=np.array([threshold, reach]),
     )
     store.is_bottom[0] = True
     return store
@@ -111,7 +111,7 @@ def store_from_arrays(arrays: Arrays, branching_factor: int) -> Store:
         An array is missing or of another type, or they do not make one tree of this branching factor.
         (Compiled code checks no bounds and would read outside its memory.)
     """
-    blank = _flat(new_store(0, branching_factor, 0.0))
+    blank = _flat(new_store(0, branching_factor, 0.0, reach=0.0))
     missing = sorted(name for name in blank if name not in arrays or arrays[name].dtype != blank[name].dtype)
     if missing:
         raise DataError(f"the saved CF tree lacks {', '.join(missing)}")
@@ -127,7 +127,7 @@ def store_from_arrays(arrays: Arrays, branching_factor: int) -> Store:
 
 def _is_sound(store: Store, branching_factor: int) -> bool:
     """Whether shapes agree and every index points at something."""
-    if store.counters.shape != (5,) or store.threshold.shape != (1,) or store.sizes.ndim != 1:
+    if store.counters.shape != (5,) or store.threshold.shape != (2,) or store.sizes.ndim != 1:
         return False
     leaves, nodes, root = (int(store.counters[place]) for place in (N_LEAVES, N_NODES, ROOT))
     dimension = store.leaves.means.shape[-1]

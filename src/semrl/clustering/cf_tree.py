@@ -35,12 +35,16 @@ class CFTreeConfig:
         Largest radius ``sqrt(S / n)`` of a leaf, in units of the data; it grows when `max_leaves` is met.
     branching_factor
         Most children of a node, at least 2.
+    compact
+        Whether a row must also lie within the threshold of the mean of the leaf it joins. The radius alone
+        hardly grows when a leaf of many rows takes in a distant one, so common kinds swallow rare neighbours.
     max_leaves
         Most leaves, or None for no limit.
     """
 
     threshold: float = 0.5
     branching_factor: int = 50
+    compact: bool = False
     max_leaves: int | None = None
 
     def __post_init__(self) -> None:
@@ -212,7 +216,8 @@ class CFTree:
         self._absorbed_ids, self._absorbed_by = arrays["absorbed_ids"].copy(), arrays["absorbed_by"].copy()
 
     def _new_store(self, dimension: int, threshold: float) -> Store:
-        return new_store(dimension, self.config.branching_factor, threshold)
+        reach = threshold if self.config.compact else np.inf
+        return new_store(dimension, self.config.branching_factor, threshold, reach=reach)
 
     def _view(self, array: NDArray[Any]) -> NDArray[Any]:
         view = array[: self.n_leaves_]
