@@ -170,3 +170,13 @@ def test_arrays_of_another_birch_are_refused():
 def test_bad_parameters_are_refused(values):
     with pytest.raises(UsageError):
         BirchConfig(**values)
+
+
+def test_a_common_kind_swallows_a_rare_neighbour_unless_leaves_are_compact():
+    rng = np.random.default_rng(0)
+    common = rng.normal([0, 0], 0.01, size=(2000, 2))
+    rare = rng.normal([2, 0], 0.01, size=(20, 2))
+    for compact, kinds in ((False, 1), (True, 2)):
+        birch = Birch(BirchConfig(threshold=0.5, compact=compact))
+        birch.partial_fit(common).partial_fit(rare)
+        assert len(set(birch.predict(np.concatenate([common, rare])).tolist())) == kinds

@@ -260,3 +260,16 @@ def test_an_empty_tree_and_empty_batches():
 def test_bad_parameters_are_refused(values):
     with pytest.raises(UsageError):
         CFTreeConfig(**values)
+
+
+def test_rows_of_compact_leaves_were_near_when_they_came():
+    rows = np.random.default_rng(1).normal(size=(400, 3))
+    tree = CFTree(CFTreeConfig(threshold=0.5, compact=True))
+    for row in rows:
+        before = dict(zip(tree.leaf_ids_.tolist(), tree.leaf_means_.copy(), strict=True)) if tree.n_leaves_ else {}
+        leaf = int(tree.insert(row[None])[0])
+        assert leaf not in before or np.linalg.norm(row - before[leaf]) <= 0.5
+    saved = {name: array.copy() for name, array in tree.to_arrays().items()}
+    again = CFTree(CFTreeConfig(threshold=0.5, compact=True))
+    again.from_arrays(saved)
+    np.testing.assert_array_equal(again.insert(rows + 0.3), tree.insert(rows + 0.3))
