@@ -1,16 +1,16 @@
 """Choosing a command, and turning every foreseen failure into one line and an exit status."""
 
-import contextlib
 import difflib
 import importlib
 import os
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from types import FrameType, ModuleType
 
 from semrl import __version__
 from semrl.errors import SemrlError, UsageError
+from semrl.signals import handling
 
 COMMANDS = {
     "train": ("train", "learn to see, then to play; resumable"),
@@ -38,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(command: str, argv: Sequence[str]) -> int:
     try:
-        with _terminable():
+        with handling(_interrupt, signal.SIGTERM):
             _module(command).main(argv)
     except UsageError as error:
         return _complain(error, 2)
@@ -54,22 +54,9 @@ def _run(command: str, argv: Sequence[str]) -> int:
     return 0
 
 
-@contextlib.contextmanager
-def _terminable() -> Iterator[None]:
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
     """Let SIGTERM end a command as Ctrl-C does: files half-written are removed, and one line tells."""
-
-    def stop(_number: int, _frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    try:
-        before = signal.signal(signal.SIGTERM, stop)
-    except ValueError:  # not in the main thread: whoever runs us listens
-        yield
-        return
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
+    raise KeyboardInterrupt
 
 
 def _module(command: str) -> ModuleType:

@@ -21,6 +21,7 @@ from semrl.pipeline import MODELS, Pipeline
 from semrl.runs.config import RunConfig
 from semrl.runs.folder import Checkpoint, RunFolder, weights
 from semrl.runs.metrics import MetricsFile
+from semrl.signals import handling
 from semrl.stages import Schooling
 from semrl.state import Game, make_env, rom_name
 from semrl.training import Observer, Row, Trainer
@@ -115,10 +116,11 @@ class _Session:
         self._saved_at = time.monotonic()
 
     def run(self) -> TrainResult:
+        """Go on to the end of the budget; a finished run only tells its result again."""
         manifest = self.folder.manifest()
         if manifest["status"] == "finished":
             return _told_before(manifest, self.folder)
-        with self.folder.locked(), self._listening():
+        with self.folder.locked(), handling(self._stop, signal.SIGINT, signal.SIGTERM):
             self._begin()
             try:
                 self.trainer.run()
@@ -202,23 +204,9 @@ class _Session:
             seconds=round(self.metrics.seconds, 1),
         )
 
-    @contextlib.contextmanager
-    def _listening(self) -> Iterator[None]:
-        """Turn SIGINT and SIGTERM into a wish that is granted between two decisions."""
-
-        def stop(number: int, _: FrameType | None) -> None:
-            self._stopped_by = signal.Signals(number)
-
-        try:
-            before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
-        except ValueError:  # not in the main thread: whoever runs us listens
-            yield
-            return
-        try:
-            yield
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
+    def _stop(self, number: int, _frame: FrameType | None) -> None:
+        """Note a person's wish to stop; it is granted between two decisions."""
+        self._stopped_by = signal.Signals(number)
 
 
 def _check_weights(arrays: Arrays) -> None:
