@@ -18,6 +18,7 @@ SETTINGS: dict[str, Any] = {
     "pipeline.embedding": "hashed",
     "pipeline.hashed.dimension": 16,
     "pipeline.detection.threshold_frames": 4,
+    "pipeline.scene.scenery_frames": 12,
     "stability.batches": 4,
     "stability.max_batches": 12,
     "stability.max_difference": 0.0,  # never reached: PCA and Birch take 12 batches each
@@ -27,6 +28,9 @@ SETTINGS: dict[str, Any] = {
     "agent.decisions_per_update": 4,
     "agent.replay_capacity": 60,
     "agent.network.hidden_units": [8],
+    "reasoning.next_state.epochs": 2,
+    "reasoning.next_state.hidden_units": 16,
+    "reasoning.short_term.depth": 3,
     "evaluation.episodes": 2,
     "evaluation.exploration": 0.0,
 }
@@ -35,7 +39,7 @@ SETTINGS: dict[str, Any] = {
 
 def tiny(model: str = "semantic", **changes: Any) -> RunConfig:
     """Configure a tiny run; changes are named ``agent__batch_size``."""
-    atari = {"env": "PongNoFrameskip-v4"} if model == "ram" else {}
+    atari = {"env": "PongNoFrameskip-v4"} if model.startswith("ram") else {}
     nested: dict[str, Any] = {}
     for name, value in {**SETTINGS, **atari, **changes}.items():
         *tables, key = name.replace("__", ".").split(".")
@@ -98,6 +102,14 @@ def semantic_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished run with perception. Read only."""
     path = tmp_path_factory.mktemp("runs") / "semantic"
     train(path, tiny("semantic"))
+    return path
+
+
+@pytest.fixture(scope="session")
+def map_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished run with perception and a map. Read only."""
+    path = tmp_path_factory.mktemp("runs") / "semantic-map"
+    train(path, tiny("semantic-map"))
     return path
 
 

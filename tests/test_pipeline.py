@@ -49,7 +49,9 @@ def test_the_models_of_table_4_1():
         "otsu": "components",
         "birch": "classes",
         "semantic": "embedding",
+        "semantic-map": "embedding",
         "ram": "ram",
+        "ram-map": "ram",
     }
 
 

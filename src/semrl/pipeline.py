@@ -18,6 +18,7 @@ from semrl.embedding import (
     HashedEmbedding,
     HashedEmbeddingConfig,
     SceneGraphConfig,
+    Scenery,
     build_scene_graph,
 )
 from semrl.protocols import Embedder
@@ -33,9 +34,11 @@ MODELS: dict[str, View] = {
     "otsu": "components",
     "birch": "classes",
     "semantic": "embedding",
+    "semantic-map": "embedding",
     "ram": "ram",
+    "ram-map": "ram",
 }
-"""The models of Table 4.1 and what their agents see."""
+"""The models of Table 4.1 and what their agents see; those with a map are told its plans as well."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +52,7 @@ class PipelineConfig:
     birch: BirchConfig = field(default_factory=BirchConfig)
     """When objects are of one kind."""
     scene: SceneGraphConfig = field(default_factory=SceneGraphConfig)
-    """Which objects are joined."""
+    """Which objects a scene has, and which of them are joined."""
     embedding: Literal["doc2vec", "hashed"] = "doc2vec"
     """How a scene becomes a vector: the thesis's way (needs the extra 'thesis') or signed hashing."""
     doc2vec: Doc2VecConfig = field(default_factory=Doc2VecConfig)
@@ -83,6 +86,7 @@ class Pipeline:
         self.detector = OtsuDetector(config.detection)
         self.pca = ObjectPCA(config.pca)
         self.birch = Birch(config.birch)
+        self.scenery = Scenery()
         # Doc2vec needs an extra: do not ask for it where nothing is embedded.
         needs_doc2vec = view == "embedding" and config.embedding == "doc2vec"
         self.embedder: Embedder = Doc2VecEmbedding(config.doc2vec) if needs_doc2vec else HashedEmbedding(config.hashed)
@@ -122,7 +126,14 @@ class Pipeline:
     def scene(self, image: Image) -> SceneGraph:
         """Write a grey image as a scene graph (§3.2.3)."""
         objects = self.detector.detect(image)
-        return build_scene_graph(self.classes(objects), objects.centres_px, self.config.scene.proximity_px)
+        classes = self.classes(objects)
+        shown = self.shown(classes)
+        return build_scene_graph(classes[shown], objects.centres_px[shown], self.config.scene.proximity_px)
+
+    def shown(self, classes: Ints) -> Ints:
+        """Return which objects of a frame are part of the scene: all, or all but scenery."""
+        omitted = self.scenery.still_ if self.config.scene.omit_scenery else ()
+        return np.flatnonzero(~np.isin(classes, omitted))
 
     def to_arrays(self) -> Arrays:
         """Return what every box has learned."""
@@ -130,6 +141,7 @@ class Pipeline:
             detector=self.detector.to_arrays(),
             pca=self.pca.to_arrays(),
             birch=self.birch.to_arrays(),
+            scenery=self.scenery.to_arrays(),
             embedder=self.embedder.to_arrays(),
         )
 
@@ -138,4 +150,5 @@ class Pipeline:
         self.detector.from_arrays(unnest(arrays, "detector"))
         self.pca.from_arrays(unnest(arrays, "pca"))
         self.birch.from_arrays(unnest(arrays, "birch"))
+        self.scenery.from_arrays(unnest(arrays, "scenery"))
         self.embedder.from_arrays(unnest(arrays, "embedder"))

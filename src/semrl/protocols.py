@@ -6,7 +6,7 @@ from typing import Any, Protocol, Self, runtime_checkable
 from numpy.typing import NDArray
 
 from semrl.arrays import Arrays
-from semrl.types import Floats, Image, Ints, Objects, SceneGraph
+from semrl.types import Floats, Image, Ints, Objects, SceneGraph, Transitions
 
 
 @runtime_checkable
@@ -77,4 +77,28 @@ class Embedder(Persistent, Protocol):
 
     def transform(self, graph: SceneGraph) -> Floats:
         """Return the vector, ``(dimension,)`` float32; learns nothing."""
+        ...
+
+
+class DynamicsModel(Persistent, Protocol):
+    """Predicts what state comes next (§3.4.3)."""
+
+    def partial_fit(self, transitions: Transitions) -> Self:
+        """Learn in one pass over some transitions."""
+        ...
+
+    def predict(self, states: Floats, previous: Floats, actions: Ints) -> Floats:
+        """Return the next state for each of ``(b, d)`` states, the ones before them and ``(b,)`` actions."""
+        ...
+
+
+class RewardModel(Persistent, Protocol):
+    """Predicts the sign of the reward (§3.4.3)."""
+
+    def partial_fit(self, transitions: Transitions) -> Self:
+        """Learn in one pass over some transitions."""
+        ...
+
+    def predict(self, states: Floats, previous: Floats, actions: Ints) -> Ints:
+        """Return −1, 0 or 1 for each of ``(b, d)`` states, the ones before them and ``(b,)`` actions."""
         ...

@@ -1,6 +1,6 @@
 """What perception learns before the agent, one stage after the other (§3.2.3).
 
-    threshold → PCA until stable → Birch until stable → documents of the embedding
+    threshold → PCA until stable → Birch until stable → scenery → documents of the embedding
 
 Actions are random meanwhile: the agent cannot see yet, and chance explores.
 """
@@ -151,6 +151,21 @@ class BirchStage(_StableStage):
         return {**super().measured(), "leaves": self.pipeline.birch.n_leaves_}
 
 
+class SceneryStage(Stage):
+    """See which kinds of objects move."""
+
+    name = "scenery"
+
+    def __init__(self, pipeline: Pipeline) -> None:
+        super().__init__(pipeline)
+        self.goal = pipeline.config.scene.scenery_frames
+
+    def _learn(self, image: Image) -> bool:
+        objects = self.pipeline.detector.detect(image)
+        self.pipeline.scenery.partial_fit(self.pipeline.classes(objects), objects.centres_px)
+        return self.batches_ >= self.goal
+
+
 class DocumentsStage(Stage):
     """Gather scenes, then train the embedding on all of them at once."""
 
@@ -228,6 +243,8 @@ def _stages(pipeline: Pipeline, view: View, config: StabilityConfig) -> list[Sta
     stages: list[Stage] = [ThresholdStage(pipeline)]
     if view in ("classes", "embedding"):
         stages += [PCAStage(pipeline, config), BirchStage(pipeline, config)]
+    if view == "embedding" and pipeline.config.scene.omit_scenery:
+        stages.append(SceneryStage(pipeline))
     if view == "embedding" and pipeline.embedder.documents_needed:
         stages.append(DocumentsStage(pipeline))
     return stages

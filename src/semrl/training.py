@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from semrl.agent import DQN
 from semrl.arrays import Arrays, array_to_rng, nest, rng_to_array, unnest
 from semrl.pipeline import Pipeline
+from semrl.reasoning import Reasoner
 from semrl.stages import Schooling
 from semrl.state import Game
 from semrl.types import Observation
@@ -35,8 +36,8 @@ class Trainer:
 
     Parameters
     ----------
-    game, pipeline, schooling, agent
-        The parts; all learn in place.
+    game, pipeline, schooling, agent, reasoner
+        The parts; all learn in place. Models without a map have no reasoner.
     decisions
         Budget, perception included.
     seed
@@ -58,6 +59,7 @@ class Trainer:
         pipeline: Pipeline,
         schooling: Schooling,
         agent: DQN,
+        reasoner: Reasoner | None = None,
         *,
         decisions: int,
         seed: int,
@@ -67,6 +69,7 @@ class Trainer:
         self.pipeline = pipeline
         self.schooling = schooling
         self.agent = agent
+        self.reasoner = reasoner
         self.decisions = decisions
         self.observers = list(observers)
         self.decisions_ = 0
@@ -104,6 +107,8 @@ class Trainer:
             "schooling": self.schooling.to_arrays(),
             "agent": self.agent.to_arrays(),
         }
+        if self.reasoner is not None:
+            parts["reasoner"] = self.reasoner.to_arrays()
         if self._episode is not None:
             parts["episode"] = self._episode.to_arrays()
         return {
@@ -118,6 +123,8 @@ class Trainer:
         self.pipeline.from_arrays(unnest(arrays, "pipeline"))
         self.schooling.from_arrays(unnest(arrays, "schooling"))
         self.agent.from_arrays(unnest(arrays, "agent"))
+        if self.reasoner is not None:
+            self.reasoner.from_arrays(unnest(arrays, "reasoner"))
         observation = self.game.from_arrays(unnest(arrays, "game"))
         episode = unnest(arrays, "episode")
         self._episode = _Episode.from_arrays(observation, episode) if observation and episode else None
@@ -127,8 +134,13 @@ class Trainer:
 
     def _begin(self) -> "_Episode":
         observation = self.game.reset()
-        encoded = None if self.perceiving else self.pipeline.encode(observation)
-        return _Episode(observation, None if encoded is None else np.stack([encoded, encoded]))
+        seen = None if self.perceiving else self._see(observation, None)
+        return _Episode(observation, None if seen is None else np.stack([seen, seen]))
+
+    def _see(self, observation: Observation, before: NDArray[Any] | None) -> NDArray[Any]:
+        """Return what the agent is shown: the state and, where there is a map, the goal."""
+        encoded = self.pipeline.encode(observation)
+        return self.reasoner.beside_goal(encoded, before) if self.reasoner else encoded
 
     def _perceive(self, episode: "_Episode") -> None:
         """Show perception one frame and act at random."""
@@ -149,15 +161,18 @@ class Trainer:
         self.agent.observe(
             episode.state[0], action, outcome.reward, terminated=outcome.terminated, start=episode.length == 0
         )
-        encoded = self.pipeline.encode(outcome.observation)
-        episode.advance(outcome.observation, encoded, outcome.reward)
+        if self.reasoner:
+            self.reasoner.observe(episode.state[0], action, outcome.reward)
+        seen = self._see(outcome.observation, episode.state[0])
+        episode.advance(outcome.observation, seen, outcome.reward)
         if outcome.done:
-            self.agent.end_episode(encoded)
-            self._finish(episode)
+            self.agent.end_episode(seen)
+            self._finish(episode, seen)
 
-    def _finish(self, episode: "_Episode") -> None:
+    def _finish(self, episode: "_Episode", last: NDArray[Any]) -> None:
         self._episode = None
         self.returns_.append(episode.total)
+        learned = self.reasoner.end_episode(last) if self.reasoner else {}
         self._tell({
             "phase": AGENT,
             "episode": len(self.returns_),
@@ -166,6 +181,7 @@ class Trainer:
             "exploration": self.agent.exploration,
             "loss": self.agent.loss_,
             "updates": self.agent.updates_,
+            **learned,
         })  # fmt: skip
 
     def _tell(self, row: Row) -> None:
@@ -179,15 +195,15 @@ class _Episode:
 
     def __init__(self, observation: Observation, state: NDArray[Any] | None) -> None:
         self.observation = observation
-        self.state = state  # (2, *shape): the encodings of this observation and of the one before
+        self.state = state  # (2, *shape): what the agent is shown now and was shown before
         self.total = 0.0
         self.length = 0
 
-    def advance(self, observation: Observation, encoded: NDArray[Any], reward: float) -> None:
+    def advance(self, observation: Observation, seen: NDArray[Any], reward: float) -> None:
         """Move on by one decision."""
         assert self.state is not None
         self.observation = observation
-        self.state = np.stack([encoded, self.state[0]])
+        self.state = np.stack([seen, self.state[0]])
         self.total += reward
         self.length += 1
 

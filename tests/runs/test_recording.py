@@ -26,7 +26,12 @@ def frame_with_ball(row, column):
 
 
 def step(i=0, ram=None):
-    return Step(observation=Observation(frame=frame_with_ball(20 + i, 30), ram=ram), total=float(-i))
+    return Step(
+        observation=Observation(frame=frame_with_ball(20 + i, 30), ram=ram),
+        total=float(-i),
+        state=np.zeros((2, 4), np.float32),
+        action=None,
+    )
 
 
 @pytest.fixture

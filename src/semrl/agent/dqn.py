@@ -105,6 +105,8 @@ class DQN:
         Emulator frames a decision; exploration is counted in frames.
     seed
         Of weights, exploration and replay.
+    goal_size
+        How many numbers at the end of an observation are a goal (§3.4.4).
     """
 
     def __init__(
@@ -116,13 +118,16 @@ class DQN:
         *,
         frame_skip: int,
         seed: int,
+        goal_size: int = 0,
     ) -> None:
         self.config = config
         self.n_actions = n_actions
         self.frame_skip = frame_skip
         self.replay = ReplayBuffer(config.replay_capacity, shape, dtype)
-        self.network = build_network(shape, n_actions * config.heads, config.network, seed=seed)
-        self.target = build_network(shape, n_actions * config.heads, config.network, seed=seed)
+        n_values = n_actions * config.heads
+        self.network, self.target = (
+            build_network(shape, n_values, config.network, seed=seed, goal_size=goal_size) for _ in range(2)
+        )
         self.optimiser = torch.optim.Adam(
             self.network.parameters(),
             lr=config.learning_rate,

@@ -31,12 +31,14 @@ LEAST_DEVIATION = 0.5
 class StateInput(nn.Module):
     """Turn (current, previous) observations into (current, difference), §3.3.
 
-    Bytes are divided by 255. Vectors may be normalised; mean and scale are set once, by `fit`.
+    Bytes are divided by 255. Vectors may be normalised; mean and scale are set once, by `fit`. A goal at the end
+    of a vector has no difference: 0 stands in its place.
     """
 
-    def __init__(self, shape: tuple[int, ...], *, is_image: bool) -> None:
+    def __init__(self, shape: tuple[int, ...], *, is_image: bool, goal_size: int = 0) -> None:
         super().__init__()
         self.is_image = is_image
+        self.goal_size = goal_size
         self.unit = 1 / 255 if is_image else 1.0
         size = () if is_image else (2, *shape)
         self.mean: Tensor
@@ -62,10 +64,15 @@ class StateInput(nn.Module):
 
     def _differences(self, states: Tensor) -> Tensor:
         x = states.float() * self.unit
-        return torch.stack([x[:, 0], x[:, 0] - x[:, 1]], dim=1)
+        x = torch.stack([x[:, 0], x[:, 0] - x[:, 1]], dim=1)
+        if self.goal_size:
+            x[:, 1, -self.goal_size :] = 0
+        return x
 
 
-def build_network(shape: tuple[int, ...], n_actions: int, config: NetworkConfig, *, seed: int) -> nn.Sequential:
+def build_network(
+    shape: tuple[int, ...], n_actions: int, config: NetworkConfig, *, seed: int, goal_size: int = 0
+) -> nn.Sequential:
     """Make the Q-network for observations of a shape.
 
     Parameters
@@ -78,6 +85,8 @@ def build_network(shape: tuple[int, ...], n_actions: int, config: NetworkConfig,
         Its shape.
     seed
         Of the initial weights; PyTorch's global generator stays as it was.
+    goal_size
+        How many numbers at the end of a vector are a goal.
     """
     is_image = len(shape) > 1
     with torch.random.fork_rng(devices=[]):
@@ -89,7 +98,9 @@ def build_network(shape: tuple[int, ...], n_actions: int, config: NetworkConfig,
             dense += [nn.LayerNorm(units)] if config.layer_norm else []
             dense += [nn.ReLU()]
             width = units
-        return nn.Sequential(StateInput(shape, is_image=is_image), *body, *dense, nn.Linear(width, n_actions))
+        return nn.Sequential(
+            StateInput(shape, is_image=is_image, goal_size=goal_size), *body, *dense, nn.Linear(width, n_actions)
+        )
 
 
 def _convolutions() -> tuple[list[nn.Module], int]:

@@ -6,14 +6,13 @@ import json as json_format
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import tyro
 
 from semrl.cli.arguments import parse
 from semrl.cli.progress import console, progress_bars, summary
 from semrl.runs import RunFolder, evaluate
-from semrl.runs.evaluation import Step
+from semrl.runs.evaluation import Policy, Step
 from semrl.runs.recording import recorder
 
 
@@ -27,8 +26,8 @@ class EvalArguments:
     """Episodes to play [default: what the run is configured for, 30]."""
     seed: int | None = None
     """Of the episodes [default: one that training did not use]."""
-    policy: Literal["agent"] = "agent"
-    """Who decides."""
+    policy: Policy = "agent"
+    """Who decides: the agent, or the planner's best scenario alone (models with a map)."""
     video: Path | None = None
     """Write the first episode, with its objects marked, as an .mp4 file."""
     json: bool = False
@@ -56,7 +55,14 @@ def main(argv: Sequence[str]) -> None:
             note = f"mean return {sum(returns) / len(returns):.1f}"
             bars.update(bars.task_ids[0], advance=1, note=note)
 
-        result = evaluate(arguments.run, episodes=episodes, seed=arguments.seed, on_episode=on_episode, on_step=on_step)
+        result = evaluate(
+            arguments.run,
+            episodes=episodes,
+            seed=arguments.seed,
+            policy=arguments.policy,
+            on_episode=on_episode,
+            on_step=on_step,
+        )
     if arguments.json:
         print(json_format.dumps(dataclasses.asdict(result)))
         return

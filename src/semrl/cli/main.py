@@ -16,6 +16,8 @@ COMMANDS = {
     "train": ("train", "learn to see, then to play; resumable"),
     "eval": ("evaluate", "play with a trained run, with a video on request"),
     "report": ("report", "one self-contained HTML page about one or more runs"),
+    "map": ("map", "what the map of a run looks like, and the map as a file"),
+    "query": ("query", "ask the map of a run in SPARQL"),
     "doctor": ("doctor", "versions, threads, what is missing and how to get it"),
 }
 """Command → module of this package and what it does. Modules are imported when called: torch is slow to load."""

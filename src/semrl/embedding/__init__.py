@@ -3,6 +3,7 @@
 from semrl.embedding.doc2vec import Doc2VecConfig, Doc2VecEmbedding
 from semrl.embedding.hashing import HashedEmbedding, HashedEmbeddingConfig
 from semrl.embedding.scene_graph import SceneGraphConfig, build_scene_graph
+from semrl.embedding.scenery import Scenery
 from semrl.embedding.words import WordsConfig, document, position_words, sentences, wl_hashes
 
 __all__ = [
@@ -11,6 +12,7 @@ __all__ = [
     "HashedEmbedding",
     "HashedEmbeddingConfig",
     "SceneGraphConfig",
+    "Scenery",
     "WordsConfig",
     "build_scene_graph",
     "document",

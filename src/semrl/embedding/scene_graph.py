@@ -17,14 +17,22 @@ _ALL_PAIRS_UP_TO = 256
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SceneGraphConfig:
-    """Settings of `build_scene_graph`."""
+    """Which objects a scene has, and which of them are joined."""
 
     proximity_px: float = 20.0
     """Objects whose centres are at most this far apart, in pixels, are joined."""
 
+    omit_scenery: bool = False
+    """Leave out objects of kinds that never move, such as walls and the digits of a score."""
+
+    scenery_frames: int = 500
+    """Frames in which kinds are seen to move or not, where scenery is left out."""
+
     def __post_init__(self) -> None:
         if not 0 <= self.proximity_px < np.inf:
             raise UsageError(f"proximity_px must be a finite number from 0 on, not {self.proximity_px}")
+        if self.scenery_frames < 2:
+            raise UsageError(f"scenery_frames must be 2 or more, not {self.scenery_frames}")
 
 
 def build_scene_graph(classes: NDArray[Any], centres_px: NDArray[Any], proximity_px: float) -> SceneGraph:

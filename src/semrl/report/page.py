@@ -2,19 +2,18 @@
 
 import base64
 import dataclasses
-import importlib.resources
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from semrl.errors import UsageError
 from semrl.report import scenes, wording
 from semrl.report.charts import RUN_COLOURS, learning_curve, stability_path
 from semrl.report.record import RunRecord, read_run
+from semrl.report.templates import render_page
 from semrl.runs.files import write_text
 
 
@@ -50,13 +49,8 @@ def write_report(runs: Sequence[Path], out: Path, *, defaults: Mapping[str, Any]
 
 def render(records: Sequence[RunRecord], defaults: Mapping[str, Any]) -> str:
     """Return the page as HTML text."""
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters["number"] = wording.number
-    template = environment.from_string(
-        importlib.resources.files("semrl.report").joinpath("page.html").read_text("utf-8")
-    )
     runs = [_run(record, RUN_COLOURS[i % len(RUN_COLOURS)], defaults) for i, record in enumerate(records)]
-    return template.render(runs=runs, curves=_curves(records), title=_title(records)) + "\n"
+    return render_page("page.html", runs=runs, curves=_curves(records), title=_title(records))
 
 
 def _title(records: Sequence[RunRecord]) -> str:

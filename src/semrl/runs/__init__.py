@@ -3,17 +3,20 @@
 from semrl.runs.config import PRESETS, EvaluationConfig, RunConfig, preset
 from semrl.runs.evaluation import EvaluationResult, evaluate, load_pipeline, load_player
 from semrl.runs.folder import RunFolder
+from semrl.runs.maps import LoadedMap, load_map
 from semrl.runs.session import TrainResult, build_trainer, train
 
 __all__ = [
     "PRESETS",
     "EvaluationConfig",
     "EvaluationResult",
+    "LoadedMap",
     "RunConfig",
     "RunFolder",
     "TrainResult",
     "build_trainer",
     "evaluate",
+    "load_map",
     "load_pipeline",
     "load_player",
     "preset",

@@ -14,10 +14,11 @@ import tomli_w
 from semrl.agent import DQNConfig
 from semrl.errors import UsageError
 from semrl.pipeline import MODELS, PipelineConfig
+from semrl.reasoning import ReasoningConfig
 from semrl.stability import StabilityConfig
 from semrl.state import EnvironmentConfig
 
-Model = Literal["baseline", "otsu", "birch", "semantic", "ram"]
+Model = Literal["baseline", "otsu", "birch", "semantic", "semantic-map", "ram", "ram-map"]
 PRESETS = ("semrl", "thesis")
 MAX_THREADS = 1024
 
@@ -67,6 +68,8 @@ class RunConfig:
     """When perception has learned enough."""
     agent: DQNConfig = field(default_factory=DQNConfig)
     """How the agent learns."""
+    reasoning: ReasoningConfig = field(default_factory=ReasoningConfig)
+    """How models with a map plan."""
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
     """How the agent is tested."""
 

@@ -4,19 +4,25 @@ import json
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from semrl.agent import DQN
 from semrl.arrays import unnest
 from semrl.errors import SemrlError, UsageError
 from semrl.pipeline import Pipeline
+from semrl.reasoning import Reasoner
 from semrl.runs.config import RunConfig
 from semrl.runs.files import write_text
-from semrl.runs.folder import RunFolder
+from semrl.runs.folder import PLAYABLE, RunFolder
 from semrl.runs.session import build_trainer, limited_threads
 from semrl.state import Game, action_meanings, make_env
 from semrl.types import Observation
+
+Policy = Literal["agent", "planner"]
+"""Who decides: the agent, or the planner's best scenario alone (§4.3)."""
 
 EVALUATION_SEED = 1_000_000
 """Added to a run's seed for its evaluation."""
@@ -38,10 +44,22 @@ class EvaluationResult:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Step:
-    """What is seen after a decision, and the return so far."""
+    """What is seen after a decision, and the return so far.
+
+    Attributes
+    ----------
+    observation, total
+        As it says.
+    state
+        ``(2, *shape)``, what the agent sees now and saw before.
+    action
+        The one that led here; None at the beginning.
+    """
 
     observation: Observation
     total: float
+    state: NDArray[Any]
+    action: int | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +69,7 @@ class Player:
     config: RunConfig
     pipeline: Pipeline
     agent: DQN
+    reasoner: Reasoner | None
     decisions: int
     perceiving: bool
     """Whether perception was still being learned at this checkpoint."""
@@ -64,21 +83,56 @@ class Player:
             env = make_env(self.config.env, replace(environment, max_noops=noops))
         return Game(env, seed)
 
-    def play(self, game: Game, rng: np.random.Generator) -> Iterator[Step]:
+    def episode(self, number: int, seed: int, policy: Policy = "agent") -> Iterator[Step]:
+        """Play one of the episodes of an evaluation: the same one for the same number and seed."""
+        rng = np.random.default_rng([seed, number])
+        return self.play(self.new_game(int(rng.integers(2**31))), rng, policy)
+
+    def play(self, game: Game, rng: np.random.Generator, policy: Policy = "agent") -> Iterator[Step]:
         """Play one episode and yield every decision of it, beginning with the first observation."""
         observation = game.reset()
-        encoded = self.pipeline.encode(observation)
-        state = np.stack([encoded, encoded])
-        yield Step(observation=observation, total=0.0)
+        seen = self.see(observation, None)
+        state = np.stack([seen, seen])
+        yield Step(observation=observation, total=0.0, state=state, action=None)
         total, done = 0.0, False
         while not done:
             explore = rng.random() < self.config.evaluation.exploration
-            action = int(rng.integers(game.n_actions)) if explore else self.agent.best_action(state)
+            action = int(rng.integers(game.n_actions)) if explore else self.choose(state, policy)
             outcome = game.step(action)
-            state = np.stack([self.pipeline.encode(outcome.observation), state[0]])
+            state = np.stack([self.see(outcome.observation, state[0]), state[0]])
             total += outcome.reward
             done = outcome.done
-            yield Step(observation=outcome.observation, total=total)
+            yield Step(observation=outcome.observation, total=total, state=state, action=action)
+
+    def see(self, observation: Observation, before: NDArray[Any] | None) -> NDArray[Any]:
+        """Return what the agent is shown: the state and, where there is a map, the goal."""
+        encoded = self.pipeline.encode(observation)
+        return self.reasoner.beside_goal(encoded, before) if self.reasoner else encoded
+
+    def choose(self, state: NDArray[Any], policy: Policy) -> int:
+        """Return the action that the agent or the planner would take."""
+        if policy == "agent":
+            return self.agent.best_action(state)
+        assert self.reasoner is not None, "only models with a map are asked for plans"
+        plan = self.reasoner.plan(state[:, : self.reasoner.dimension])
+        return int(plan.actions[0]) if plan else 0
+
+    def require_map(self, run: str | Path) -> Reasoner:
+        """Return the reasoner.
+
+        Raises
+        ------
+        UsageError
+            When the model has no map, or the first episode is not over yet; the message names the run.
+        """
+        if self.reasoner is None:
+            raise UsageError(
+                f"{run} is of model '{self.config.model}', which has no map; "
+                "train one with --model ram-map or --model semantic-map"
+            )
+        if not len(self.reasoner.state_map.graph_):
+            raise UsageError(f"the map of {run} is still empty: it is drawn after the agent's first episode")
+        return self.reasoner
 
 
 def evaluate(
@@ -86,10 +140,11 @@ def evaluate(
     *,
     episodes: int | None = None,
     seed: int | None = None,
+    policy: Policy = "agent",
     on_episode: Callable[[float], None] = lambda _: None,
     on_step: Callable[[int, Step], None] = lambda _episode, _step: None,
 ) -> EvaluationResult:
-    """Play a run's agent greedily and write ``evaluation.json`` into its folder.
+    """Play a run greedily and write ``evaluation.json`` (the planner: ``evaluation-planner.json``) into its folder.
 
     Parameters
     ----------
@@ -99,6 +154,8 @@ def evaluate(
         How many; the run's ``evaluation.episodes`` when None.
     seed
         Of the episodes; when None, one that training did not use.
+    policy
+        Who decides.
     on_episode
         Is told the return of each episode.
     on_step
@@ -107,26 +164,27 @@ def evaluate(
     Raises
     ------
     UsageError
-        When there is no such run, its agent has not begun to learn, or there is nothing to play.
+        When there is no such run, its agent has not begun to learn, there is nothing to play, or a planner is
+        asked for where there is no map.
     """
     if (episodes is not None and episodes < 1) or (seed is not None and seed < 0):
         raise UsageError(f"episodes must be 1 or more and seed 0 or more, not {episodes} and {seed}")
     player = load_player(run)
     if player.perceiving:
         raise UsageError(f"{run} has not learned to see yet, so there is no agent to play with: it needs more frames")
+    if policy == "planner":
+        player.require_map(run)
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
-    rng = np.random.default_rng(seed)
     returns: list[float] = []
     with limited_threads(player.config.threads):
-        game = player.new_game(seed)
         for episode in range(episodes or player.config.evaluation.episodes):
-            for step in player.play(game, rng):
+            for step in player.episode(episode, seed, policy):
                 on_step(episode, step)
             returns.append(step.total)
             on_episode(step.total)
     result = EvaluationResult(
         run=str(run),
-        policy="agent",
+        policy=policy,
         episodes=len(returns),
         mean=float(np.mean(returns)),
         std=float(np.std(returns, ddof=1)) if len(returns) > 1 else 0.0,
@@ -135,7 +193,8 @@ def evaluate(
         returns=returns,
     )
     provenance = {"decisions": player.decisions, "seed": seed, **asdict(player.config.evaluation)}
-    write_text(Path(run) / "evaluation.json", json.dumps(asdict(result) | {"with": provenance}, indent=2) + "\n")
+    name = "evaluation.json" if policy == "agent" else f"evaluation-{policy}.json"
+    write_text(Path(run) / name, json.dumps(asdict(result) | {"with": provenance}, indent=2) + "\n")
     return result
 
 
@@ -154,13 +213,15 @@ def load_player(run: str | Path) -> Player:
     """Return the agent and the perception of a run, as of its newest checkpoint."""
     folder = RunFolder.open(Path(run))
     config = folder.config()
-    checkpoint = folder.load(prefixes=("pipeline/", "agent/network/", "schooling/position", "decisions"))
+    checkpoint = folder.load(prefixes=PLAYABLE)
     if checkpoint is None:
         raise UsageError(f"{run} has no checkpoint yet; go on with: semrl train --run {run} --resume")
     trainer = build_trainer(replace(config, agent=replace(config.agent, replay_capacity=config.agent.n_steps + 1)))
     try:
         trainer.pipeline.from_arrays(unnest(checkpoint.arrays, "pipeline"))
         trainer.agent.load_network(unnest(checkpoint.arrays, "agent/network"))
+        if trainer.reasoner:
+            trainer.reasoner.load(unnest(checkpoint.arrays, "reasoner"))
     except (KeyError, ValueError, RuntimeError) as error:
         raise SemrlError(f"the checkpoint of {run} does not fit its configuration ({error})") from error
     position = checkpoint.arrays.get("schooling/position")
@@ -168,6 +229,7 @@ def load_player(run: str | Path) -> Player:
         config=config,
         pipeline=trainer.pipeline,
         agent=trainer.agent,
+        reasoner=trainer.reasoner,
         decisions=int(checkpoint.arrays["decisions"]),
         perceiving=position is not None and int(position) < len(trainer.schooling.stages),
     )

@@ -21,6 +21,11 @@ FORMAT = 1
 """Number of the layout of run folders; raised when older ones can no longer be read."""
 
 KEPT_CHECKPOINTS = 2
+PLAYABLE = (
+    "pipeline/", "agent/network/", "reasoner/state_map/", "reasoner/next_state/", "reasoner/reward/",
+    "schooling/position", "decisions",
+)  # fmt: skip
+"""What the arrays begin with that are needed to play."""
 _PROVENANCE = ("semrl", "ale-py", "gymnasium", "numpy", "opencv-python-headless", "scikit-learn", "torch")
 
 
@@ -203,9 +208,5 @@ def _version(package: str) -> str:
 
 
 def weights(arrays: Arrays) -> Arrays:
-    """Return what is needed to play, out of a whole state: perception and the Q-network."""
-    return {
-        name: value
-        for name, value in arrays.items()
-        if name.startswith(("pipeline/", "agent/network/")) or name in ("decisions", "schooling/position")
-    }
+    """Return what is needed to play, out of a whole state: perception, the Q-network, the map and its models."""
+    return {name: value for name, value in arrays.items() if name.startswith(PLAYABLE)}

@@ -18,6 +18,7 @@ from semrl.agent import DQN
 from semrl.arrays import Arrays, digest, unnest
 from semrl.errors import SemrlError, UsageError
 from semrl.pipeline import MODELS, Pipeline
+from semrl.reasoning import MAP_MODELS, Reasoner
 from semrl.runs.config import RunConfig
 from semrl.runs.folder import Checkpoint, RunFolder, weights
 from semrl.runs.metrics import MetricsFile
@@ -75,19 +76,33 @@ def train(path: Path, config: RunConfig | None = None, *, observers: Sequence[Ob
 def build_trainer(config: RunConfig, observers: Sequence[Observer] = ()) -> Trainer:
     """Make all parts of a run and wire them."""
     env = make_env(config.env, config.environment)
-    seeds = [int(seed) for seed in np.random.SeedSequence(config.seed).generate_state(3)]
+    seeds = [int(seed) for seed in np.random.SeedSequence(config.seed).generate_state(4)]
     game = Game(env, seeds[0])
     pipeline = Pipeline(config.pipeline, MODELS[config.model], rom_name(env))
+    reasoner = None
+    if config.model in MAP_MODELS:
+        reasoner = Reasoner(config.reasoning, pipeline.shape[0], game.n_actions, seed=seeds[3])
+    goal_size = reasoner.goal_size if reasoner else 0
     agent = DQN(
         config.agent,
-        pipeline.shape,
+        (pipeline.shape[0] + goal_size, *pipeline.shape[1:]),
         pipeline.dtype,
         game.n_actions,
         frame_skip=config.environment.frame_skip,
         seed=seeds[1],
+        goal_size=goal_size,
     )
     schooling = Schooling(pipeline, config.stability)
-    return Trainer(game, pipeline, schooling, agent, decisions=config.decisions, seed=seeds[2], observers=observers)
+    return Trainer(
+        game,
+        pipeline,
+        schooling,
+        agent,
+        reasoner,
+        decisions=config.decisions,
+        seed=seeds[2],
+        observers=observers,
+    )
 
 
 @contextlib.contextmanager

@@ -61,7 +61,9 @@ def _look(pipeline: Pipeline, observation: Observation, seen: NDArray[Any] | Non
     if pipeline.birch.n_leaves_:
         classes = pipeline.classes(objects)
     if pipeline.view == "embedding" and len(classes):
-        edges = build_scene_graph(classes, objects.centres_px, pipeline.config.scene.proximity_px).edges
+        shown = pipeline.shown(classes)
+        scene = build_scene_graph(classes[shown], objects.centres_px[shown], pipeline.config.scene.proximity_px)
+        edges = shown[scene.edges]
     numbers = classes if len(classes) else np.zeros(len(objects), np.int64)
     labels = np.append(0, numbers + 1)[objects.labels]
     return Sight(boxes_px=objects.boxes_px, classes=classes, edges=edges, labels=labels, seen=seen)

@@ -1,6 +1,6 @@
 """What there is to see and to do: environments, frames, RAM (§3.1)."""
 
-from semrl.state.environment import EnvironmentConfig, action_meanings, make_env, rom_name
+from semrl.state.environment import EnvironmentConfig, action_meanings, make_env, played_actions, rom_name
 from semrl.state.game import Game
 from semrl.state.preprocessing import to_grey
 from semrl.state.ram import ram_feature_names, ram_features
@@ -10,6 +10,7 @@ __all__ = [
     "Game",
     "action_meanings",
     "make_env",
+    "played_actions",
     "ram_feature_names",
     "ram_features",
     "rom_name",

@@ -84,6 +84,12 @@ def action_meanings(env: Env) -> list[str]:
     return [str(i) for i in range(env.action_space.n)]  # type: ignore[attr-defined]
 
 
+def played_actions(env: Env, names: Sequence[str] = ()) -> tuple[str, ...]:
+    """Return the names of the actions that are played: those that are named, else what is known to be enough."""
+    rom = rom_name(env)
+    return tuple(names or (GAMES[rom].actions if rom in GAMES else action_meanings(env)))
+
+
 def rom_name(env: Env) -> str | None:
     """Return the name of an Atari game's ROM, such as ``"pong"``; None for other environments."""
     game = (env.spec.kwargs if env.spec else {}).get("game")
@@ -156,9 +162,7 @@ def _check_spaces(env_id: str, env: Env) -> None:
 def _choose_actions(env_id: str, env: Env, names: Sequence[str]) -> Env:
     """Keep only the named actions, renumbered from 0."""
     meanings = action_meanings(env)
-    rom = rom_name(env)
-    if not names:
-        names = GAMES[rom].actions if rom in GAMES else meanings
+    names = played_actions(env, names)
     unknown = [name for name in names if name not in meanings]
     if unknown:
         raise UsageError(f"{env_id} has no action {', '.join(unknown)}; it has {', '.join(meanings)}")

@@ -1,0 +1,111 @@
+"""``semrl map``: what the map of a run looks like, and the map as a file."""
+
+import json as json_format
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from semrl.cli.arguments import parse
+from semrl.cli.progress import console, summary
+from semrl.errors import UsageError
+from semrl.ontology.description import MapDescription, describe
+from semrl.runs import LoadedMap, load_map
+from semrl.runs.files import write_atomic
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapArguments:
+    """Describe the state map of a run: nodes, edges, how many lead to gains and losses, how far it is across.
+
+    Diameter and radius are counted in steps along the edges, within the largest part of the map in which every node
+    can be reached from every other.
+
+    Example:  semrl map runs/first --export map.gexf
+    """
+
+    run: tyro.conf.Positional[Path]
+    """Folder of the run."""
+    export: Path | None = None
+    """Also write the map: .graphml or .gexf for graph tools such as Gephi, .ttl for RDF tools."""
+    json: bool = False
+    """Print one JSON object as the only line of standard output."""
+
+
+def main(argv: Sequence[str]) -> None:
+    """Parse, describe, write, tell."""
+    arguments = parse(MapArguments, argv, command="map")
+    if arguments.export:
+        _check(arguments.export)  # what cannot be written is told before a large run is loaded
+    loaded = load(arguments.run)
+    described = describe(loaded.graph)
+    if arguments.export:
+        _export(loaded, arguments.export)
+    if arguments.json:
+        print(json_format.dumps(_as_json(arguments, described)))
+        return
+    console.print(summary(_as_rows(described)))
+    if arguments.export:
+        console.print(f"written: {arguments.export}", soft_wrap=True, markup=False, highlight=False)
+
+
+def load(run: Path) -> LoadedMap:
+    """Load the map of a run.
+
+    Raises
+    ------
+    UsageError
+        When there is no such run, it has no map, or nothing is on it.
+    """
+    loaded = load_map(run)
+    if not len(loaded.graph):
+        raise UsageError(f"the map of {run} is empty: no episode has ended yet; train for longer")
+    return loaded
+
+
+def _check(path: Path) -> None:
+    from semrl.ontology.export import exporter
+
+    exporter(path)
+    if path.is_dir():
+        raise UsageError(f"cannot write {path}: it is a folder")
+    if not path.parent.is_dir():
+        raise UsageError(f"cannot write {path}: there is no folder {path.parent}")
+    if not os.access(path.parent, os.W_OK):
+        raise UsageError(f"cannot write {path}: nothing may be written to {path.parent}")
+
+
+def _export(loaded: LoadedMap, path: Path) -> None:
+    from semrl.ontology.export import exporter
+
+    written = exporter(path)(loaded.graph, loaded.action_names)
+    write_atomic(path, lambda file: file.write(written))
+
+
+def _as_json(arguments: MapArguments, described: MapDescription) -> dict[str, object]:
+    return {
+        "run": str(arguments.run),
+        "nodes": described.nodes,
+        "edges": described.edges,
+        "positive": described.positive_share,
+        "negative": described.negative_share,
+        "diameter": described.diameter,
+        "radius": described.radius,
+        "component_nodes": described.component_nodes,
+        "states": described.states,
+        "transitions": described.transitions,
+        "export": None if arguments.export is None else str(arguments.export),
+    }
+
+
+def _as_rows(described: MapDescription) -> dict[str, object]:
+    return {
+        "nodes": f"{described.nodes:,}, for {described.states:,} states",
+        "edges": f"{described.edges:,}, for {described.transitions:,} transitions",
+        "edges with a gain": f"{described.positive_share:.1%}",
+        "edges with a loss": f"{described.negative_share:.1%}",
+        "connected both ways": f"{described.component_nodes:,} nodes, where",
+        "diameter, radius": f"{described.diameter} and {described.radius} steps",
+    }

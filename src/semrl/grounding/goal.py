@@ -1,0 +1,57 @@
+"""The goal: the best scenario as a fixed vector, which stands next to the state that the agent sees (§3.4.4)."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from semrl.errors import UsageError
+from semrl.types import Floats, Plan
+
+GoalPart = Literal["actions", "state", "reward"]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class GoalConfig:
+    """What the agent is told of the plan; the default is all that the thesis lists."""
+
+    parts: tuple[GoalPart, ...] = ("actions", "state", "reward")
+    """Of the best scenario: the actions, the state it is predicted to end in, its predicted return."""
+
+    def __post_init__(self) -> None:
+        if not self.parts or len(set(self.parts)) < len(self.parts):
+            raise UsageError(f"goal.parts must name at least one part, each once, not {self.parts}")
+
+
+def goal_size(config: GoalConfig, *, dimension: int, depth: int, n_actions: int) -> int:
+    """Return the length of the goal vector for states of ``dimension`` numbers and scenarios of ``depth`` actions."""
+    sizes = {"actions": depth * n_actions, "state": dimension, "reward": 1}
+    return sum(sizes[part] for part in config.parts)
+
+
+def ground(plan: Plan, config: GoalConfig, *, hold_decisions: int, n_actions: int) -> Floats:
+    """Write the best scenario of a plan as a vector.
+
+    Parameters
+    ----------
+    plan
+        What the planner proposes.
+    config
+        Which parts, in which order.
+    hold_decisions
+        Decisions for which the scenario repeats each action: it is told once.
+    n_actions
+        Number of actions; each is told as so many numbers, a 1 among zeros.
+
+    Returns
+    -------
+    ndarray
+        `goal_size` float32.
+    """
+    chosen = plan.actions[::hold_decisions]
+    parts = {
+        "actions": np.eye(n_actions, dtype=np.float32)[chosen].ravel(),
+        "state": plan.scenarios.states[0, -1],
+        "reward": plan.returns[:1].astype(np.float32),
+    }
+    return np.concatenate([parts[part] for part in config.parts], dtype=np.float32)

@@ -1,0 +1,19 @@
+"""What was seen of the world, as a graph, and what comes next (§3.4.1, §3.4.3)."""
+
+from semrl.ontology.experience import EpisodeRecord, Experience
+from semrl.ontology.next_state import NextStateConfig, NextStateNetwork
+from semrl.ontology.reward import RewardConfig, RewardNetwork, RewardSVM, make_reward_model
+from semrl.ontology.state_map import StateMap, StateMapConfig
+
+__all__ = [
+    "EpisodeRecord",
+    "Experience",
+    "NextStateConfig",
+    "NextStateNetwork",
+    "RewardConfig",
+    "RewardNetwork",
+    "RewardSVM",
+    "StateMap",
+    "StateMapConfig",
+    "make_reward_model",
+]

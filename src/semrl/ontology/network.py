@@ -1,0 +1,118 @@
+"""The small network behind the models of §3.4.3: dense layers, trained by torch, asked through numpy."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from semrl.arrays import Arrays, array_to_rng, nest, rng_to_array, unnest
+from semrl.errors import SemrlError
+from semrl.types import Floats, Ints
+
+LEAST_DEVIATION = 0.1
+"""Smallest deviation that inputs are divided by, as a share of the root mean square over all of them."""
+
+
+def features(states: Floats, previous: Floats, actions: Ints, n_actions: int) -> Floats:
+    """Lay out what both models see: state, difference and action (Fig. 3.9), ``(b, 2 d + n_actions)`` float32."""
+    chosen = np.zeros((len(actions), n_actions), np.float32)
+    chosen[np.arange(len(actions)), actions] = 1
+    return np.concatenate([states, states - previous, chosen], axis=1, dtype=np.float32)
+
+
+def spread(rows: Floats) -> Floats:
+    """Return the deviation of each column, ``(d,)``, none close to 0: what hardly varied yet may vary later."""
+    deviation = rows.std(axis=0)
+    least = LEAST_DEVIATION * float(np.sqrt(np.mean(deviation**2)))
+    floored: Floats = np.maximum(deviation, least) if least > 0 else np.ones_like(deviation)
+    return floored
+
+
+class DenseNetwork:
+    """A hidden layer with ReLU and a linear one, learned by Adam in mini-batches.
+
+    Parameters
+    ----------
+    n_inputs, hidden_units, n_outputs
+        Widths.
+    learning_rate, betas
+        Of Adam.
+    batch_size
+        Rows of a mini-batch.
+    seed
+        Of weights and of the order of rows.
+    """
+
+    def __init__(
+        self,
+        n_inputs: int,
+        hidden_units: int,
+        n_outputs: int,
+        *,
+        learning_rate: float,
+        betas: tuple[float, float],
+        batch_size: int,
+        seed: int,
+    ) -> None:
+        self.batch_size = batch_size
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            self.layers = nn.Sequential(
+                nn.Linear(n_inputs, hidden_units), nn.ReLU(), nn.Linear(hidden_units, n_outputs)
+            )
+        self.optimiser = torch.optim.Adam(self.layers.parameters(), lr=learning_rate, betas=betas, fused=True)
+        self._rng = np.random.default_rng(seed)
+        # Views of the same memory: for a handful of rows numpy answers several times faster than torch.
+        self._weights = [parameter.detach().numpy() for parameter in self.layers.parameters()]
+
+    def __call__(self, inputs: Floats) -> Floats:
+        """Return the outputs, ``(b, n_outputs)`` float32, for ``(b, n_inputs)`` float32."""
+        w1, b1, w2, b2 = self._weights
+        hidden = inputs @ w1.T
+        hidden += b1
+        np.maximum(hidden, 0, out=hidden)
+        outputs: Floats = hidden @ w2.T + b2
+        return outputs
+
+    def learn(self, inputs: Floats, wanted: NDArray[Any], loss: Callable[[Tensor, Tensor], Tensor]) -> None:
+        """Pass over all rows once, in mini-batches of a random order.
+
+        Raises
+        ------
+        SemrlError
+            When the loss is not a number.
+        """
+        order = self._rng.permutation(len(inputs))
+        for start in range(0, len(order), self.batch_size):
+            rows = order[start : start + self.batch_size]
+            error = loss(self.layers(torch.from_numpy(inputs[rows])), torch.from_numpy(wanted[rows]))
+            self.optimiser.zero_grad(set_to_none=True)
+            error.backward()  # type: ignore[no-untyped-call]
+            self.optimiser.step()
+        if len(order) and not np.isfinite(error.item()):
+            raise SemrlError("a model of the map has diverged: try a smaller learning rate for it")
+
+    def to_arrays(self) -> Arrays:
+        """Return weights, the optimiser's moments and the random generator."""
+        moments = self.optimiser.state_dict()["state"]
+        return {
+            **nest(
+                layers={name: value.numpy().copy() for name, value in self.layers.state_dict().items()},
+                adam={f"{i}/{name}": v.numpy().copy() for i, values in moments.items() for name, v in values.items()},
+            ),
+            "rng": rng_to_array(self._rng),
+        }
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on exactly where `to_arrays` was called."""
+        layers = unnest(arrays, "layers")
+        self.layers.load_state_dict({name: torch.from_numpy(value.copy()) for name, value in layers.items()})
+        whole = self.optimiser.state_dict() | {"state": {}}
+        for key, value in unnest(arrays, "adam").items():
+            i, name = key.split("/")
+            whole["state"].setdefault(int(i), {})[name] = torch.from_numpy(value.copy())
+        self.optimiser.load_state_dict(whole)
+        self._rng = array_to_rng(arrays["rng"])

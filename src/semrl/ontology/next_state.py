@@ -1,0 +1,110 @@
+"""Predicting what state comes next (§3.4.3, Fig. 3.9)."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from torch.nn import functional
+
+from semrl.arrays import Arrays, nest, unnest
+from semrl.errors import UsageError
+from semrl.ontology.network import DenseNetwork, features, spread
+from semrl.types import Floats, Ints, Transitions
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NextStateConfig:
+    """Settings of `NextStateNetwork`; the defaults are the thesis's (§3.4.3)."""
+
+    hidden_units: int = 512
+    """Width of the dense layer."""
+    learning_rate: float = 1e-4
+    """Step size of Adam."""
+    adam_beta1: float = 0.99
+    """Adam's memory of gradients."""
+    adam_beta2: float = 0.999
+    """Adam's memory of squared gradients."""
+    batch_size: int = 64
+    """Transitions in a mini-batch."""
+    epochs: int = 100
+    """Passes over an episode after its end."""
+    predict_change: bool = False
+    """Predict what changes in place of the whole state, inputs and changes scaled as in the first episode."""
+
+    def __post_init__(self) -> None:
+        if min(self.hidden_units, self.batch_size, self.epochs) < 1:
+            raise UsageError("next_state.hidden_units, batch_size and epochs must all be 1 or more")
+        if not (self.learning_rate > 0 and 0 <= self.adam_beta1 < 1 and 0 <= self.adam_beta2 < 1):
+            raise UsageError("next_state.learning_rate must be above 0, and adam_beta1 and adam_beta2 lie in 0 … 1")
+
+
+class NextStateNetwork:
+    """A dense layer that maps state, difference and action to the next state.
+
+    Parameters
+    ----------
+    config
+        See `NextStateConfig`.
+    dimension
+        Length of a state.
+    n_actions
+        Number of actions.
+    seed
+        Of weights and the order of transitions.
+    """
+
+    def __init__(self, config: NextStateConfig, dimension: int, n_actions: int, *, seed: int = 0) -> None:
+        self.config = config
+        self.dimension = dimension
+        self.n_actions = n_actions
+        n_inputs = 2 * dimension + n_actions
+        self.network = DenseNetwork(
+            n_inputs,
+            config.hidden_units,
+            dimension,
+            learning_rate=config.learning_rate,
+            betas=(config.adam_beta1, config.adam_beta2),
+            batch_size=config.batch_size,
+            seed=seed,
+        )
+        self._centre = np.zeros(n_inputs, np.float32)
+        self._scale = np.ones(n_inputs, np.float32)
+        self._change_scale = np.ones(dimension, np.float32)
+        self.is_fitted = False
+
+    def partial_fit(self, transitions: Transitions) -> Self:
+        """Learn in one pass over some transitions."""
+        inputs = features(transitions.states, transitions.previous, transitions.actions, self.n_actions)
+        wanted = transitions.next_states
+        if self.config.predict_change:
+            changes = wanted - transitions.states
+            if not self.is_fitted:
+                self._centre, self._scale = inputs.mean(axis=0), spread(inputs)
+                self._change_scale = spread(changes)
+            wanted = changes / self._change_scale
+        self.network.learn((inputs - self._centre) / self._scale, wanted, functional.mse_loss)
+        self.is_fitted = True
+        return self
+
+    def predict(self, states: Floats, previous: Floats, actions: Ints) -> Floats:
+        """Return the next states, ``(b, d)`` float32."""
+        inputs = features(states, previous, actions, self.n_actions)
+        predicted = self.network((inputs - self._centre) / self._scale)
+        return states + predicted * self._change_scale if self.config.predict_change else predicted
+
+    def to_arrays(self) -> Arrays:
+        """Return the network and its scales."""
+        return {
+            **nest(network=self.network.to_arrays()),
+            "centre": self._centre,
+            "scale": self._scale,
+            "change_scale": self._change_scale,
+            "is_fitted": np.array(self.is_fitted),
+        }
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on exactly where `to_arrays` was called."""
+        self.network.from_arrays(unnest(arrays, "network"))
+        self._centre, self._scale = arrays["centre"], arrays["scale"]
+        self._change_scale = arrays["change_scale"]
+        self.is_fitted = bool(arrays["is_fitted"])

@@ -1,0 +1,95 @@
+"""Final reasoning (§3.4.4): which scenario is best."""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.planner.long_term import Routes
+from semrl.types import Floats, Ints, MapGraph, Plan, Scenarios
+
+OFF_PATH = -1
+
+
+class Locator(Protocol):
+    """A map that knows the node of a state."""
+
+    @property
+    def graph_(self) -> MapGraph:
+        """The map."""
+        ...
+
+    def locate(self, states: Floats) -> Ints:
+        """Return the positions of the nodes of ``(b, m)`` states, ``(b,)``."""
+        ...
+
+
+def rank(
+    scenarios: Scenarios, start: Floats, ends: Floats, state_map: Locator, routes: Routes, *, discount: float = 1.0
+) -> Plan:
+    """Sort scenarios by reward, then progress along the path, then closeness to the node reached (§3.4.4).
+
+    Parameters
+    ----------
+    scenarios
+        As imagined, ``s`` of them.
+    start, ends
+        ``(1, m)`` and ``(s, m)``, where they begin and end on the map.
+    state_map, routes
+        The map and its long-term plan.
+    discount
+        What a reward counts one decision later.
+
+    Returns
+    -------
+    Plan
+        With the best scenario first; of equal ones the first stays first. A scenario that ends off the path is
+        measured by its distance to the path's end. On an empty map only the reward counts.
+    """
+    graph = state_map.graph_
+    returns = scenarios.rewards @ discount ** np.arange(scenarios.rewards.shape[1], dtype=np.float64)  # (s,)
+    if not len(graph):
+        nowhere = np.full(len(scenarios), -1)
+        order = np.argsort(-returns, kind="stable")
+        empty = np.zeros(0, np.int64)
+        return _plan(scenarios, order, returns, node=-1, path=empty, end_nodes=nowhere, progress=nowhere)
+    nodes = state_map.locate(np.concatenate([start, ends]))
+    node, end_nodes = int(nodes[0]), nodes[1:]
+    path = routes.path(node)
+    progress = _progress(path, end_nodes)
+    reached = np.where(progress == OFF_PATH, path[-1] if len(path) else end_nodes, end_nodes)
+    gaps = np.linalg.norm(ends - graph.node_means[reached], axis=1)  # (s,)
+    order = np.lexsort((gaps, -progress, -returns))
+    return _plan(scenarios, order, returns, node=node, path=path, end_nodes=end_nodes, progress=progress)
+
+
+def _progress(path: Ints, nodes: Ints) -> Ints:
+    """Return how far along the path each node lies, or −1."""
+    matches = nodes[:, None] == path[None, :]  # (s, p)
+    if not matches.size:
+        return np.full(len(nodes), OFF_PATH)
+    return np.where(matches.any(axis=1), matches.argmax(axis=1), OFF_PATH)
+
+
+def _plan(
+    scenarios: Scenarios,
+    order: Ints,
+    returns: NDArray[np.float64],
+    *,
+    node: int,
+    path: Ints,
+    end_nodes: Ints,
+    progress: Ints,
+) -> Plan:
+    """Put everything in order, the best first."""
+    best_first = Scenarios(
+        actions=scenarios.actions[order], states=scenarios.states[order], rewards=scenarios.rewards[order]
+    )
+    return Plan(
+        node=node,
+        path=path,
+        scenarios=best_first,
+        returns=returns[order],
+        end_nodes=end_nodes[order],
+        progress=progress[order],
+    )

@@ -1,0 +1,217 @@
+"""Explaining a decision: an evaluation episode is played up to it, and what the run thought there is written down."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.errors import UsageError
+from semrl.grounding import GoalPart, goal_size
+from semrl.planner import edge_costs, edges_along, reason
+from semrl.reasoning import Reasoner
+from semrl.runs.evaluation import EVALUATION_SEED, Player, Policy, Step, load_player
+from semrl.runs.explanation import Aftermath, Deed, Explanation, Foresight, Hop, Place, Told
+from semrl.runs.maps import action_names
+from semrl.runs.session import limited_threads
+from semrl.runs.sight import look
+from semrl.state import ram_feature_names
+
+SCENARIOS_SHOWN = 5
+
+
+def explain(
+    run: str | Path, *, episode: int, step: int, seed: int | None = None, policy: Policy = "agent"
+) -> Explanation:
+    """Explain one decision of an evaluation of a run with a map (§3.4.4).
+
+    Parameters
+    ----------
+    run
+        Folder of the run; its newest checkpoint plays.
+    episode
+        Of the evaluation, from 0.
+    step
+        The decision, from 0.
+    seed
+        Of the episodes; when None, that of `evaluate`.
+    policy
+        Who decides.
+
+    Raises
+    ------
+    UsageError
+        When there is no such run, it has no map, or the episode ends before that decision.
+    """
+    if min(episode, step, seed or 0) < 0:
+        raise UsageError(f"episode, step and seed must be 0 or more, not {episode}, {step} and {seed}")
+    player = load_player(run)
+    reasoner = player.require_map(run)
+    seed = player.config.seed + EVALUATION_SEED if seed is None else seed
+    with limited_threads(player.config.threads):
+        steps = player.episode(episode, seed, policy)
+        played = _played(steps, step, reasoner.sequences.shape[1], f"episode {episode} of {run}")
+        thought = _Thought(player, reasoner, played.steps[0].state)
+        return Explanation(
+            run=str(run),
+            model=player.config.model,
+            env=player.config.env,
+            trained_decisions=player.decisions,
+            policy=policy,
+            seed=seed,
+            episode=episode,
+            step=step,
+            exploration=player.config.evaluation.exploration,
+            return_so_far=played.steps[0].total,
+            frame=played.steps[0].observation.frame,
+            sight=look(player.pipeline, played.steps[0].observation),
+            features=thought.features(),
+            place=thought.place(),
+            path=thought.path(),
+            cutoff=reasoner.config.long_term.cutoff,
+            scenarios=tuple(thought.foresight(i) for i in range(thought.n_scenarios)[:SCENARIOS_SHOWN]),
+            n_scenarios=thought.n_scenarios,
+            reason=reason(thought.plan),
+            goal=thought.goal(),
+            deed=thought.deed(played.actions[0], policy),
+            aftermath=thought.aftermath(played),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Played:
+    """What is seen at a decision and after it, for as many decisions as scenarios have or until the end."""
+
+    steps: Sequence[Step]
+    ended: bool
+
+    @property
+    def actions(self) -> list[int]:
+        return [step.action for step in self.steps[1:] if step.action is not None]
+
+    @property
+    def rewards(self) -> list[float]:
+        return [after.total - before.total for before, after in pairwise(self.steps)]
+
+
+def _played(steps: Iterable[Step], first: int, horizon: int, what: str) -> _Played:
+    """Play up to a decision, and so far beyond it that one knows whether the episode ends there."""
+    kept: list[Step] = []
+    for number, step in enumerate(steps):
+        if number >= first:
+            kept.append(step)
+        if len(kept) > horizon + 1:
+            return _Played(steps=kept[:-1], ended=False)
+    if len(kept) < 2:
+        raise UsageError(f"{what} has {number} decisions, from 0 to {number - 1}, so there is no decision {first}")
+    return _Played(steps=kept, ended=True)
+
+
+class _Thought:
+    """What agent and planner make of a state, as rows."""
+
+    def __init__(self, player: Player, reasoner: Reasoner, state: NDArray[Any]) -> None:
+        plan = reasoner.plan(state[:, : reasoner.dimension])
+        assert plan is not None, "where there is a map, the models have learned as well"
+        self.player, self.reasoner, self.state, self.plan = player, reasoner, state, plan
+        self.graph, self.routes = reasoner.state_map.graph_, reasoner.routes
+        self.action_names = action_names(player)
+        self.n_scenarios = len(plan.scenarios)
+
+    def features(self) -> dict[str, float]:
+        """Name the numbers of the state, where they have names."""
+        if self.player.pipeline.view != "ram":
+            return {}
+        names = ram_feature_names(self.player.pipeline.rom)
+        return dict(zip(names, self.state[0, : self.reasoner.dimension].tolist(), strict=True))
+
+    def place(self) -> Place:
+        """Tell where on the map the state lies."""
+        node, distance = self.plan.node, float(self.routes.distances[self.plan.node])
+        return Place(
+            node=int(self.graph.node_ids[node]),
+            states=int(self.graph.node_counts[node]),
+            distance=distance if math.isfinite(distance) else None,
+            is_goal=bool(self.routes.goals[node]),
+        )
+
+    def path(self) -> tuple[Hop, ...]:
+        """Tell the way to the nearest gain, edge by edge."""
+        config, graph = self.reasoner.config.long_term, self.graph
+        costs = edge_costs(graph, config)
+        return tuple(
+            Hop(
+                source=int(graph.node_ids[graph.sources[i]]),
+                target=int(graph.node_ids[graph.targets[i]]),
+                edge=int(graph.edge_ids[i]),
+                action=self.action_names[graph.actions[i].argmax()],
+                share=float(graph.actions[i].max()),
+                count=int(graph.edge_counts[i]),
+                reward=float(graph.rewards[i]),
+                cost=float(costs[i]),
+            )
+            for i in edges_along(graph, self.plan.path, config).tolist()
+        )
+
+    def foresight(self, i: int) -> Foresight:
+        """Tell the i-th best scenario."""
+        plan, progress = self.plan, int(self.plan.progress[i])
+        return Foresight(
+            rank=i + 1,
+            actions=self._names(plan.scenarios.actions[i]),
+            rewards=tuple(plan.scenarios.rewards[i].tolist()),
+            predicted_return=float(plan.returns[i]),
+            end_node=int(self.graph.node_ids[plan.end_nodes[i]]),
+            progress=progress if progress >= 0 else None,
+        )
+
+    def goal(self) -> tuple[Told, ...]:
+        """Tell the goal, read from what the agent was shown."""
+        told, rest = [], self.state[0, self.reasoner.dimension :]
+        for part in self.reasoner.config.goal.parts:
+            numbers, rest = np.split(rest, [self._size(part)])
+            told.append(Told(part=part, numbers=tuple(numbers.tolist()), names=self._goal_names(part, numbers)))
+        return tuple(told)
+
+    def deed(self, taken: int, policy: Policy) -> Deed:
+        """Tell what was done, and what agent and planner wanted."""
+        wanted = {"agent": self.player.agent.best_action(self.state), "planner": int(self.plan.actions[0])}
+        values = self.player.agent.action_values(self.state[None])[0].tolist()
+        return Deed(
+            action=self.action_names[taken],
+            agent=self.action_names[wanted["agent"]],
+            planner=self.action_names[wanted["planner"]],
+            by_chance=taken != wanted[policy],
+            values=dict(zip(self.action_names, values, strict=True)),
+        )
+
+    def aftermath(self, played: _Played) -> Aftermath:
+        """Tell what came, and what the planner had foreseen of it."""
+        same = np.zeros(self.n_scenarios, np.bool_)
+        if len(played.actions) == self.plan.scenarios.actions.shape[1]:
+            same = (self.plan.scenarios.actions == played.actions).all(axis=1)
+        return Aftermath(
+            actions=self._names(played.actions),
+            rewards=tuple(played.rewards),
+            ended=played.ended,
+            foreseen=self.foresight(int(same.argmax())) if same.any() else None,
+        )
+
+    def _size(self, part: GoalPart) -> int:
+        """Return how many numbers of the goal a part takes."""
+        reasoner = self.reasoner
+        config = replace(reasoner.config.goal, parts=(part,))
+        depth = reasoner.config.short_term.depth
+        return goal_size(config, dimension=reasoner.dimension, depth=depth, n_actions=reasoner.n_actions)
+
+    def _goal_names(self, part: GoalPart, numbers: NDArray[Any]) -> tuple[str, ...]:
+        if part == "actions":
+            return self._names(numbers.reshape(-1, self.reasoner.n_actions).argmax(axis=1))
+        return tuple(self.features()) if part == "state" else ()
+
+    def _names(self, actions: Iterable[int]) -> tuple[str, ...]:
+        return tuple(self.action_names[action] for action in actions)
