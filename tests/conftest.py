@@ -29,7 +29,7 @@ SETTINGS: dict[str, Any] = {
     "agent.replay_capacity": 60,
     "agent.network.hidden_units": [8],
     "reasoning.next_state.epochs": 2,
-    "reasoning.next_state.hidden_units": 16,
+    "reasoning.next_state.hidden_units": [16],
     "reasoning.short_term.depth": 3,
     "evaluation.episodes": 2,
     "evaluation.exploration": 0.0,

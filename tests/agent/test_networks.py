@@ -108,3 +108,18 @@ def test_measured_values_are_saved_with_the_weights_but_not_learned():
     network = build_network((4,), 2, NetworkConfig(normalise_input=True), seed=0)
     assert {"0.mean", "0.scale"} <= set(network.state_dict())
     assert all(not name.startswith("0.") for name, _ in network.named_parameters())
+
+
+def test_sines_and_cosines_stand_beside_the_numbers():
+    network = build_network((3,), 2, NetworkConfig(frequencies=2), seed=0)
+    shown = network[:3](torch.tensor([[[0.5, 1.0, -2.0], [0.5, 0.5, 0.5]]]))[0].numpy()
+    numbers = np.array([0.5, 1.0, -2.0, 0.0, 0.5, -2.5], np.float32)
+    angles = np.outer(numbers, [1, 2]).ravel()
+    np.testing.assert_allclose(shown, np.concatenate([numbers, np.sin(angles), np.cos(angles)]), atol=1e-6)
+    assert network[3].in_features == 30
+
+
+def test_a_goal_has_no_difference():
+    network = build_network((4,), 2, NetworkConfig(), seed=0, goal_size=1)
+    shown = network[0](torch.tensor([[[1.0, 2.0, 3.0, 9.0], [0.0, 1.0, 1.0, 4.0]]]))[0]
+    assert shown.tolist() == [[1, 2, 3, 9], [1, 1, 2, 0]]

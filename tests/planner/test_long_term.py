@@ -1,13 +1,14 @@
 """Routes against a second, plainer way of finding them."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from semrl.errors import DataError, UsageError
-from semrl.planner import LongTermConfig, plan_routes
+from semrl.planner import LongTermConfig, edge_costs, edges_along, plan_routes
 from semrl.types import MapGraph
 
 CONFIG = LongTermConfig()
@@ -164,3 +165,24 @@ def test_a_node_that_is_not_there_has_no_path(node):
 def test_bad_parameters_are_refused(values):
     with pytest.raises(UsageError, match=next(iter(values))):
         LongTermConfig(**values)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_edges_along_a_route_cost_what_the_route_costs(seed):
+    n, edges = a_random_graph(np.random.default_rng(seed))
+    graph = a_graph(n, edges)
+    routes, costs = plan_routes(graph, CONFIG), edge_costs(graph, CONFIG)
+    for node in range(n):
+        path = routes.path(node)
+        along = edges_along(graph, path, CONFIG)
+        assert graph.sources[along].tolist() == path.tolist()
+        if len(path):
+            assert graph.targets[along[:-1]].tolist() == path[1:].tolist()
+            assert costs[along[:-1]].sum() == pytest.approx(routes.distances[node])
+            assert graph.rewards[along[-1]] >= 0.5
+
+
+def test_of_equally_cheap_edges_the_most_travelled_is_followed():
+    graph = a_graph(2, [(0, 1, -1.0), (0, 1, 0.0), (0, 1, 0.0), (1, 0, 1.0), (1, 1, 1.0), (1, 1, 0.0)])
+    graph = replace(graph, edge_counts=np.array([9, 2, 3, 1, 2, 7]))
+    assert edges_along(graph, np.array([0, 1]), CONFIG).tolist() == [2, 4]

@@ -1,9 +1,9 @@
 import json
 import re
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from pages import Wellformed
 
 from semrl.arrays import json_to_array, nest, ragged_to_arrays
 from semrl.errors import SemrlError, UsageError
@@ -14,42 +14,6 @@ from semrl.runs.files import write_arrays, write_text
 from semrl.runs.metrics import MetricsFile
 
 RETURNS = [-21.0, -20.0, -18.0, -19.0, -12.0]
-VOID = {"meta", "link", "img", "br", "hr", "input", "source"}
-
-
-class Wellformed(HTMLParser):
-    """Complains of tags that do not close, and gathers what a browser would fetch and a person read."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.open, self.fetched, self.ids, self.unlabelled, self.headings = [], [], [], [], []
-        self.words = ""
-        self.feed(text)
-        self.close()
-        assert self.open == []
-
-    def handle_starttag(self, tag, attrs):
-        values = dict(attrs)
-        self.fetched += [values[key] for key in ("src", "href", "xlink:href", "poster") if key in values]
-        self.ids += [values["id"]] if "id" in values else []
-        if (tag == "img" and not values.get("alt")) or (tag == "svg" and not values.get("aria-label")):
-            self.unlabelled.append(tag)
-        if re.fullmatch("h[1-6]", tag):
-            self.headings.append(int(tag[1]))
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag, attrs):
-        self.handle_starttag(tag, attrs)
-        if tag not in VOID:
-            self.open.pop()
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        if self.open[-1:] != ["style"]:
-            self.words += data
 
 
 def make_run(path, *, model="semantic", seed=0, metrics=True, evaluation=True, gallery=True, frames=40_000):
@@ -247,7 +211,7 @@ def test_wrong_calls_are_told(tmp_path):
         write_report([], tmp_path / "page.html")
     with pytest.raises(UsageError, match="is not a run"):
         write_report([tmp_path], tmp_path / "page.html")
-    with pytest.raises(UsageError, match="folder does not exist"):
+    with pytest.raises(UsageError, match="there is no folder"):
         write_report([run], tmp_path / "nowhere" / "page.html")
     (run / "evaluation.json").write_text("{")
     with pytest.raises(SemrlError, match=r"evaluation\.json is damaged"):

@@ -8,6 +8,9 @@ from torch import Tensor, nn
 from semrl.errors import UsageError
 
 
+MAX_FREQUENCIES = 16
+
+
 @dataclass(frozen=True, kw_only=True)
 class NetworkConfig:
     """Shape of the Q-network."""
@@ -18,8 +21,12 @@ class NetworkConfig:
     """Normalise each dense layer before its activation (Ba et al. 2016)."""
     normalise_input: bool = False
     """Bring each number of a vector to mean 0 and standard deviation 1, as measured on the initial buffer."""
+    frequencies: int = 0
+    """Show each number of a vector as sines and cosines as well, of so many frequencies, each twice the one before."""
 
     def __post_init__(self) -> None:
+        if not 0 <= self.frequencies <= MAX_FREQUENCIES:
+            raise UsageError(f"agent.network.frequencies must lie in 0 … {MAX_FREQUENCIES}, not {self.frequencies}")
         if any(units < 1 for units in self.hidden_units):
             raise UsageError(f"agent.network.hidden_units must all be 1 or more, not {self.hidden_units}")
 
@@ -70,6 +77,25 @@ class StateInput(nn.Module):
         return x
 
 
+class FourierFeatures(nn.Module):
+    """Append sines and cosines of all inputs, at doubling frequencies from 1 radian a unit on.
+
+    Dense layers learn slowly what changes fast with a coordinate; of these features it is a smooth function
+    (Tancik et al., "Fourier features let networks learn high frequency functions in low dimensional domains",
+    NeurIPS 2020).
+    """
+
+    def __init__(self, frequencies: int) -> None:
+        super().__init__()
+        self.factors: Tensor
+        self.register_buffer("factors", 2.0 ** torch.arange(frequencies), persistent=False)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Map ``(b, d)`` to ``(b, d * (1 + 2 * frequencies))``."""
+        angles = (x[:, :, None] * self.factors).flatten(1)
+        return torch.cat([x, angles.sin(), angles.cos()], dim=1)
+
+
 def build_network(
     shape: tuple[int, ...], n_actions: int, config: NetworkConfig, *, seed: int, goal_size: int = 0
 ) -> nn.Sequential:
@@ -91,7 +117,7 @@ def build_network(
     is_image = len(shape) > 1
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        body, width = _convolutions() if is_image else ([nn.Flatten()], 2 * shape[0])
+        body, width = _convolutions() if is_image else _flat(2 * shape[0], config.frequencies)
         dense: list[nn.Module] = []
         for units in config.hidden_units:
             dense += [nn.Linear(width, units)]
@@ -101,6 +127,13 @@ def build_network(
         return nn.Sequential(
             StateInput(shape, is_image=is_image, goal_size=goal_size), *body, *dense, nn.Linear(width, n_actions)
         )
+
+
+def _flat(size: int, frequencies: int) -> tuple[list[nn.Module], int]:
+    """Return the layers that lay a vector and its difference out, and the number of values they give."""
+    if not frequencies:
+        return [nn.Flatten()], size
+    return [nn.Flatten(), FourierFeatures(frequencies)], size * (1 + 2 * frequencies)
 
 
 def _convolutions() -> tuple[list[nn.Module], int]:

@@ -1,4 +1,4 @@
-"""The command line: ``semrl train``, ``eval``, ``report``, ``doctor``."""
+"""The command line: ``semrl train``, ``eval``, ``report``, ``map``, ``query``, ``explain``, ``doctor``."""
 
 from semrl.cli.main import main
 

@@ -18,6 +18,7 @@ COMMANDS = {
     "report": ("report", "one self-contained HTML page about one or more runs"),
     "map": ("map", "what the map of a run looks like, and the map as a file"),
     "query": ("query", "ask the map of a run in SPARQL"),
+    "explain": ("explain", "why a run took one decision, as text or as a page"),
     "doctor": ("doctor", "versions, threads, what is missing and how to get it"),
 }
 """Command → module of this package and what it does. Modules are imported when called: torch is slow to load."""

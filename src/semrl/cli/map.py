@@ -1,7 +1,6 @@
 """``semrl map``: what the map of a run looks like, and the map as a file."""
 
 import json as json_format
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ from semrl.cli.progress import console, summary
 from semrl.errors import UsageError
 from semrl.ontology.description import MapDescription, describe
 from semrl.runs import LoadedMap, load_map
-from semrl.runs.files import write_atomic
+from semrl.runs.files import require_writable, write_atomic
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,12 +68,7 @@ def _check(path: Path) -> None:
     from semrl.ontology.export import exporter
 
     exporter(path)
-    if path.is_dir():
-        raise UsageError(f"cannot write {path}: it is a folder")
-    if not path.parent.is_dir():
-        raise UsageError(f"cannot write {path}: there is no folder {path.parent}")
-    if not os.access(path.parent, os.W_OK):
-        raise UsageError(f"cannot write {path}: nothing may be written to {path.parent}")
+    require_writable(path)
 
 
 def _export(loaded: LoadedMap, path: Path) -> None:

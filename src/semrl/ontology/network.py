@@ -24,20 +24,23 @@ def features(states: Floats, previous: Floats, actions: Ints, n_actions: int) ->
 
 
 def spread(rows: Floats) -> Floats:
-    """Return the deviation of each column, ``(d,)``, none close to 0: what hardly varied yet may vary later."""
-    deviation = rows.std(axis=0)
+    """Return how far each column varies, ``(d,)``, none close to 0: what hardly varied yet may vary later."""
+    # Mean absolute deviations: a ball that is served anew jumps across the picture, which squares would blow up.
+    deviation = np.abs(rows - np.median(rows, axis=0)).mean(axis=0)
     least = LEAST_DEVIATION * float(np.sqrt(np.mean(deviation**2)))
     floored: Floats = np.maximum(deviation, least) if least > 0 else np.ones_like(deviation)
     return floored
 
 
 class DenseNetwork:
-    """A hidden layer with ReLU and a linear one, learned by Adam in mini-batches.
+    """Dense layers with ReLU and a linear one, learned by Adam in mini-batches.
 
     Parameters
     ----------
     n_inputs, hidden_units, n_outputs
         Widths.
+    layer_norm
+        Normalise each hidden layer before its activation (Ba et al. 2016).
     learning_rate, betas
         Of Adam.
     batch_size
@@ -49,9 +52,10 @@ class DenseNetwork:
     def __init__(
         self,
         n_inputs: int,
-        hidden_units: int,
+        hidden_units: tuple[int, ...],
         n_outputs: int,
         *,
+        layer_norm: bool,
         learning_rate: float,
         betas: tuple[float, float],
         batch_size: int,
@@ -60,22 +64,28 @@ class DenseNetwork:
         self.batch_size = batch_size
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            self.layers = nn.Sequential(
-                nn.Linear(n_inputs, hidden_units), nn.ReLU(), nn.Linear(hidden_units, n_outputs)
-            )
+            self.layers = _dense(n_inputs, hidden_units, n_outputs, layer_norm=layer_norm)
         self.optimiser = torch.optim.Adam(self.layers.parameters(), lr=learning_rate, betas=betas, fused=True)
         self._rng = np.random.default_rng(seed)
         # Views of the same memory: for a handful of rows numpy answers several times faster than torch.
-        self._weights = [parameter.detach().numpy() for parameter in self.layers.parameters()]
+        self._steps = [(layer, [p.detach().numpy() for p in layer.parameters()]) for layer in self.layers]
 
     def __call__(self, inputs: Floats) -> Floats:
         """Return the outputs, ``(b, n_outputs)`` float32, for ``(b, n_inputs)`` float32."""
-        w1, b1, w2, b2 = self._weights
-        hidden = inputs @ w1.T
-        hidden += b1
-        np.maximum(hidden, 0, out=hidden)
-        outputs: Floats = hidden @ w2.T + b2
-        return outputs
+        rows = inputs
+        for layer, parameters in self._steps:
+            if isinstance(layer, nn.Linear):
+                weights, offsets = parameters
+                rows = rows @ weights.T
+                rows += offsets
+            elif isinstance(layer, nn.LayerNorm):
+                gains, offsets = parameters
+                rows -= rows.mean(axis=1, keepdims=True)
+                rows *= gains / np.sqrt(np.square(rows).mean(axis=1, keepdims=True) + layer.eps)
+                rows += offsets
+            else:
+                np.maximum(rows, 0, out=rows)
+        return rows
 
     def learn(self, inputs: Floats, wanted: NDArray[Any], loss: Callable[[Tensor, Tensor], Tensor]) -> None:
         """Pass over all rows once, in mini-batches of a random order.
@@ -116,3 +126,14 @@ class DenseNetwork:
             whole["state"].setdefault(int(i), {})[name] = torch.from_numpy(value.copy())
         self.optimiser.load_state_dict(whole)
         self._rng = array_to_rng(arrays["rng"])
+
+
+def _dense(n_inputs: int, hidden_units: tuple[int, ...], n_outputs: int, *, layer_norm: bool) -> nn.Sequential:
+    layers: list[nn.Module] = []
+    width = n_inputs
+    for units in hidden_units:
+        layers += [nn.Linear(width, units)]
+        layers += [nn.LayerNorm(units)] if layer_norm else []
+        layers += [nn.ReLU()]
+        width = units
+    return nn.Sequential(*layers, nn.Linear(width, n_outputs))

@@ -16,8 +16,10 @@ from semrl.types import Floats, Ints, Transitions
 class NextStateConfig:
     """Settings of `NextStateNetwork`; the defaults are the thesis's (§3.4.3)."""
 
-    hidden_units: int = 512
-    """Width of the dense layer."""
+    hidden_units: tuple[int, ...] = (512,)
+    """Width of each dense layer."""
+    layer_norm: bool = False
+    """Normalise each dense layer before its activation (Ba et al. 2016)."""
     learning_rate: float = 1e-4
     """Step size of Adam."""
     adam_beta1: float = 0.99
@@ -29,10 +31,11 @@ class NextStateConfig:
     epochs: int = 100
     """Passes over an episode after its end."""
     predict_change: bool = False
-    """Predict what changes in place of the whole state, inputs and changes scaled as in the first episode."""
+    """Predict what changes in place of the whole state, inputs and changes scaled as in the first episode, with the
+    squared error linear beyond 1."""
 
     def __post_init__(self) -> None:
-        if min(self.hidden_units, self.batch_size, self.epochs) < 1:
+        if min(*self.hidden_units, self.batch_size, self.epochs) < 1:
             raise UsageError("next_state.hidden_units, batch_size and epochs must all be 1 or more")
         if not (self.learning_rate > 0 and 0 <= self.adam_beta1 < 1 and 0 <= self.adam_beta2 < 1):
             raise UsageError("next_state.learning_rate must be above 0, and adam_beta1 and adam_beta2 lie in 0 … 1")
@@ -62,6 +65,7 @@ class NextStateNetwork:
             n_inputs,
             config.hidden_units,
             dimension,
+            layer_norm=config.layer_norm,
             learning_rate=config.learning_rate,
             betas=(config.adam_beta1, config.adam_beta2),
             batch_size=config.batch_size,
@@ -82,7 +86,8 @@ class NextStateNetwork:
                 self._centre, self._scale = inputs.mean(axis=0), spread(inputs)
                 self._change_scale = spread(changes)
             wanted = changes / self._change_scale
-        self.network.learn((inputs - self._centre) / self._scale, wanted, functional.mse_loss)
+        loss = functional.smooth_l1_loss if self.config.predict_change else functional.mse_loss
+        self.network.learn((inputs - self._centre) / self._scale, wanted, loss)
         self.is_fitted = True
         return self
 

@@ -21,11 +21,13 @@ class RewardConfig:
     """Settings of the reward model; the defaults are the thesis's (§3.4.3)."""
 
     kind: Literal["svm", "network"] = "svm"
-    """Three linear machines, one against all; or a network with one hidden layer."""
+    """Three linear machines, one against all; or a network."""
     svm_lambda: float = 1e-4
     """Weight of the margin against the hinge loss."""
-    hidden_units: int = 128
-    """Of the network: width of its layer."""
+    hidden_units: tuple[int, ...] = (128,)
+    """Of the network: width of each dense layer."""
+    layer_norm: bool = False
+    """Of the network: normalise each dense layer before its activation."""
     learning_rate: float = 1e-3
     """Of the network: step size of Adam."""
     batch_size: int = 64
@@ -34,7 +36,7 @@ class RewardConfig:
     """Passes over an episode after its end."""
 
     def __post_init__(self) -> None:
-        if min(self.hidden_units, self.batch_size, self.epochs) < 1:
+        if min(*self.hidden_units, self.batch_size, self.epochs) < 1:
             raise UsageError("reward.hidden_units, batch_size and epochs must all be 1 or more")
         if not (self.svm_lambda > 0 and self.learning_rate > 0):
             raise UsageError("reward.svm_lambda and learning_rate must be above 0")
@@ -137,6 +139,7 @@ class RewardNetwork:
             n_inputs,
             config.hidden_units,
             len(SIGNS),
+            layer_norm=config.layer_norm,
             learning_rate=config.learning_rate,
             betas=(0.9, 0.999),
             batch_size=config.batch_size,

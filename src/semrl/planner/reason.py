@@ -24,10 +24,12 @@ def reason(plan: Plan) -> str:
     same = int((ends == ends[0]).all(axis=(1, 2)).sum())
     if same == n:
         return f"All {n:,} scenarios predict the same, so the first one is taken."
-    among = f"all {n:,} predict the same return and" if tied == n else f"of the {tied:,} with the highest return"
+    tie = (
+        f"All {n:,} scenarios predict the same return" if tied == n else f"{tied:,} scenarios share the highest return"
+    )
     why = _by_progress(plan) if level == 1 else _by_closeness(plan)
-    first = f"; {same:,} end in the same state, of which it is the first" if same > 1 else ""
-    return f"Scenario 1 wins because {among} it {why}{first}."
+    first = f", the first of {same:,} that end in the same state" if same > 1 else ""
+    return f"{tie}; scenario 1 wins because it {why}{first}."
 
 
 def _by_return(plan: Plan) -> str:
@@ -45,7 +47,7 @@ def _by_progress(plan: Plan) -> str:
 
 def _by_closeness(plan: Plan) -> str:
     if not len(plan.path):
-        return "ends closest to the centre of the node it ends in; no way to a gain is known"
+        return "ends closest to the centre of a node (no way to a gain is known)"
     if plan.progress[0] == OFF_PATH:
-        return "ends closest to the end of the path, off which all of these end"
+        return "ends closest to the end of the path, on which none of these ends"
     return f"ends closest to the centre of the furthest node reached (node {plan.progress[0] + 1} of {len(plan.path)})"

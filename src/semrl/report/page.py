@@ -14,7 +14,7 @@ from semrl.report import scenes, wording
 from semrl.report.charts import RUN_COLOURS, learning_curve, stability_path
 from semrl.report.record import RunRecord, read_run
 from semrl.report.templates import render_page
-from semrl.runs.files import write_text
+from semrl.runs.files import require_writable, write_text
 
 
 def write_report(runs: Sequence[Path], out: Path, *, defaults: Mapping[str, Any] | None = None) -> Path:
@@ -32,14 +32,13 @@ def write_report(runs: Sequence[Path], out: Path, *, defaults: Mapping[str, Any]
     Raises
     ------
     UsageError
-        When there is no run, a folder is none, or the file has no folder to lie in.
+        When there is no run, a folder is none, or the file may not be written there.
     SemrlError
         When a file of a run is damaged, or the page cannot be written.
     """
     if not runs:
         raise UsageError("a report needs at least one run")
-    if not out.parent.is_dir() or out.is_dir():
-        raise UsageError(f"cannot write {out}: {'it is a folder' if out.is_dir() else 'its folder does not exist'}")
+    require_writable(out)
     records = [read_run(run) for run in runs]
     if len({record.name for record in records}) < len(records):
         records = [dataclasses.replace(record, name=record.path) for record in records]

@@ -1,7 +1,7 @@
 """What perception sees, drawn: sample frames with their objects and graph, and the kinds of objects."""
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -92,7 +92,12 @@ def kinds(gallery: Arrays) -> list[Kind]:
 
 def palette(gallery: Arrays) -> Palette:
     """Return the colours of the classes."""
-    return [f"#{r:02x}{g:02x}{b:02x}" for r, g, b in gallery["palette"].tolist()]
+    return css_colours(gallery["palette"].tolist())
+
+
+def css_colours(rgb: Iterable[tuple[int, int, int]]) -> Palette:
+    """Write RGB as CSS does."""
+    return [f"#{r:02x}{g:02x}{b:02x}" for r, g, b in rgb]
 
 
 def scene(frame: NDArray[np.uint8], boxes: Ints, classes: Ints, edges: Ints, colours: Palette) -> Markup:

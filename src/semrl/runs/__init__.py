@@ -2,6 +2,8 @@
 
 from semrl.runs.config import PRESETS, EvaluationConfig, RunConfig, preset
 from semrl.runs.evaluation import EvaluationResult, evaluate, load_pipeline, load_player
+from semrl.runs.explaining import explain
+from semrl.runs.explanation import Explanation
 from semrl.runs.folder import RunFolder
 from semrl.runs.maps import LoadedMap, load_map
 from semrl.runs.session import TrainResult, build_trainer, train
@@ -10,12 +12,14 @@ __all__ = [
     "PRESETS",
     "EvaluationConfig",
     "EvaluationResult",
+    "Explanation",
     "LoadedMap",
     "RunConfig",
     "RunFolder",
     "TrainResult",
     "build_trainer",
     "evaluate",
+    "explain",
     "load_map",
     "load_pipeline",
     "load_player",

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from semrl.errors import UsageError
 from semrl.grounding import GoalPart, goal_size
-from semrl.planner import edge_costs, edges_along, reason
+from semrl.planner import edge_costs, edges_along, imagine, reason
 from semrl.reasoning import Reasoner
 from semrl.runs.evaluation import EVALUATION_SEED, Player, Policy, Step, load_player
 from semrl.runs.explanation import Aftermath, Deed, Explanation, Foresight, Hop, Place, Told
@@ -190,15 +190,15 @@ class _Thought:
         )
 
     def aftermath(self, played: _Played) -> Aftermath:
-        """Tell what came, and what the planner had foreseen of it."""
-        same = np.zeros(self.n_scenarios, np.bool_)
-        if len(played.actions) == self.plan.scenarios.actions.shape[1]:
-            same = (self.plan.scenarios.actions == played.actions).all(axis=1)
+        """Tell what came, and what the models foresee for the actions that were taken."""
+        reasoner, actions = self.reasoner, np.array([played.actions])
+        now, before = self.state[:, : reasoner.dimension]
+        foreseen = imagine(now, before, actions, reasoner.next_state, reasoner.reward)
         return Aftermath(
             actions=self._names(played.actions),
             rewards=tuple(played.rewards),
             ended=played.ended,
-            foreseen=self.foresight(int(same.argmax())) if same.any() else None,
+            foreseen=tuple(foreseen.rewards[0].tolist()),
         )
 
     def _size(self, part: GoalPart) -> int:

@@ -139,13 +139,13 @@ class Aftermath:
     ended
         Whether the episode ended with the last of them.
     foreseen
-        The scenario of just these actions, if there was one.
+        Sign of each reward as the models predict it at this decision, for just these actions.
     """
 
     actions: tuple[str, ...]
     rewards: tuple[float, ...]
     ended: bool
-    foreseen: Foresight | None
+    foreseen: tuple[int, ...]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.arrays import Arrays
-from semrl.errors import SemrlError
+from semrl.errors import SemrlError, UsageError
 
 
 def write_atomic(path: Path, write: Callable[[IO[bytes]], Any]) -> None:
@@ -35,6 +35,22 @@ def write_atomic(path: Path, write: Callable[[IO[bytes]], Any]) -> None:
     finally:  # whatever went wrong: of a whole file nothing is left under this name
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+def require_writable(path: Path) -> None:
+    """Check that a file may be written here, before work is done for it.
+
+    Raises
+    ------
+    UsageError
+        When it is a folder, or its folder is missing or locked.
+    """
+    if path.is_dir():
+        raise UsageError(f"cannot write {path}: it is a folder")
+    if not path.parent.is_dir():
+        raise UsageError(f"cannot write {path}: there is no folder {path.parent}")
+    if not os.access(path.parent, os.W_OK):
+        raise UsageError(f"cannot write {path}: nothing may be written to {path.parent}")
 
 
 def write_text(path: Path, text: str) -> None:

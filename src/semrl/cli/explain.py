@@ -1,0 +1,107 @@
+"""``semrl explain``: one decision of a run, and why it was taken."""
+
+import json as json_format
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+from rich.table import Column, Table
+from rich.text import Text
+
+from semrl.cli.arguments import parse
+from semrl.cli.progress import console, error_console
+from semrl.report import telling
+from semrl.report.explanation import write_explanation
+from semrl.runs.evaluation import Policy
+from semrl.runs.explaining import explain
+from semrl.runs.explanation import Explanation
+from semrl.runs.files import require_writable
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExplainArguments:
+    """Explain one decision of a run with a map: what was seen, where on the map that is, which way leads to a gain,
+    what might come, what was done and why, and what really came.
+
+    Episodes are those of semrl eval with the same seed and policy; episode 0 is the one that its video shows, with the
+    number of each decision under the picture.
+
+    Example:  semrl explain runs/first --step 120 --html why.html
+    """
+
+    run: tyro.conf.Positional[Path]
+    """Folder of the run."""
+    episode: int = 0
+    """Number of the evaluation episode, from 0."""
+    step: int
+    """Number of the decision in it, from 0."""
+    policy: Policy = "agent"
+    """Who decides: the agent, or the planner's best scenario alone."""
+    seed: int | None = None
+    """Of the episodes [default: that of semrl eval]."""
+    html: Path | None = None
+    """Also write it as one HTML page that needs no network."""
+    json: bool = False
+    """Print one JSON object as the only line of standard output."""
+
+
+def main(argv: Sequence[str]) -> None:
+    """Parse, play to the decision, write, tell."""
+    arguments = parse(ExplainArguments, argv, command="explain")
+    if arguments.html:
+        require_writable(arguments.html)  # what cannot be written is told before anything is played
+    with error_console.status(f"playing to decision {arguments.step} of episode {arguments.episode}"):
+        explanation = explain(
+            arguments.run,
+            episode=arguments.episode,
+            step=arguments.step,
+            seed=arguments.seed,
+            policy=arguments.policy,
+        )
+    if arguments.html:
+        write_explanation(explanation, arguments.html)
+    if arguments.json:
+        page = None if arguments.html is None else str(arguments.html)
+        print(json_format.dumps(explanation.to_json() | {"html": page}, allow_nan=False))
+        return
+    _show(explanation)
+    if arguments.html:
+        console.print(f"written: {arguments.html}", soft_wrap=True, markup=False, highlight=False)
+
+
+def _show(e: Explanation) -> None:
+    """Tell a person, from what is seen to what came."""
+    console.print(Text(f"Why {e.deed.action}?", "bold"), Text(f"{e.run}, {telling.which(e)}", "dim"))
+    console.print()
+    way = {"way to a gain": telling.way(e)} if e.path else {}
+    console.print(_rows({"seen": telling.seen(e), "on the map": telling.place(e), **way}))
+    console.print()
+    console.print(_scenarios(e))
+    console.print()
+    goal = {f"told: {part.part}": telling.told(part) for part in e.goal}
+    console.print(_rows({"why the first": e.reason, **goal, "done": telling.deed(e), "came": telling.aftermath(e)}))
+
+
+def _rows(values: dict[str, str]) -> Table:
+    """Put names beside texts, as they are: node numbers and actions are no markup."""
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    for name, value in values.items():
+        table.add_row(Text(name, "dim", no_wrap=True), Text(value))
+    return table
+
+
+def _scenarios(e: Explanation) -> Table:
+    title = f"best {len(e.scenarios)} of {e.n_scenarios:,} scenarios"
+    columns = ("", Column(title, min_width=len(title)), "return", "rewards", "ends in")
+    table = Table(*columns, box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for scenario in e.scenarios:
+        row = (
+            str(scenario.rank),
+            telling.compact(scenario.actions),
+            telling.signed(scenario.predicted_return),
+            telling.rewards(scenario.rewards),
+            telling.ending(e, scenario),
+        )
+        table.add_row(*map(Text, row), style="bold" if scenario.rank == 1 else None)
+    return table

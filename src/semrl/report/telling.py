@@ -1,0 +1,135 @@
+"""Words of an explanation: the same sentences in the terminal and on the page."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from itertools import groupby
+
+from semrl.report.wording import number
+from semrl.runs.explanation import Explanation, Foresight, Hop, Told
+
+_HOPS_SHOWN = 8
+
+
+def runs_of(actions: Iterable[str]) -> list[tuple[str, int]]:
+    """Return each action with how many times it is repeated in a row."""
+    return [(action, len(list(same))) for action, same in groupby(actions)]
+
+
+def compact(actions: Iterable[str]) -> str:
+    """Write a sequence of actions in short: ``RIGHT ×3, LEFT``."""
+    return ", ".join(action if n == 1 else f"{action} ×{n}" for action, n in runs_of(actions))
+
+
+def signed(value: float) -> str:
+    """Write a number with its sign; 0 has none."""
+    return f"{'+' if value > 0 else ''}{number(value, 2)}"
+
+
+def rewards(values: Sequence[float]) -> str:
+    """Say which of a sequence of rewards are not 0, and when they fall: ``−1 after 2, +1 after 5–7 decisions``."""
+    said, last = [], 0
+    for value, same in groupby(enumerate(values, 1), key=lambda item: item[1]):
+        if value:
+            places = [i for i, _ in same]
+            last = places[-1]
+            said.append(f"{signed(value)} after {places[0]}{f'–{last}' if len(places) > 1 else ''}")
+    return f"{', '.join(said)} decision{'' if last == 1 else 's'}" if said else "no reward"
+
+
+def plural(n: int, noun: str) -> str:
+    """Count something."""
+    return f"{number(n)} {noun}{'' if n == 1 else 's'}"
+
+
+def which(e: Explanation) -> str:
+    """Say which decision is explained."""
+    return f"episode {e.episode}, decision {e.step}, return so far {number(e.return_so_far)}"
+
+
+def seen(e: Explanation) -> str:
+    """Say what is seen: the state's numbers by name, or how many objects of which kind."""
+    if e.features:
+        return named(e.features.items())
+    said = [f"{n} of kind {kind}" for kind, n in kinds(e)]
+    said.append(f"{plural(len(e.sight.edges), 'pair')} joined")
+    return f"{plural(len(e.sight.boxes_px), 'object')}: {', '.join(said)}"
+
+
+def kinds(e: Explanation) -> list[tuple[int, int]]:
+    """Return each kind of object that is seen and how many there are of it, the most frequent first."""
+    return Counter(e.sight.classes.tolist()).most_common()
+
+
+def named(values: Iterable[tuple[str, float]]) -> str:
+    """Write numbers with their names."""
+    return ", ".join(f"{name} {number(value, 2)}" for name, value in values)
+
+
+def place(e: Explanation) -> str:
+    """Say where on the map the state lies, and how far a gain is."""
+    here = f"Node {e.place.node}, which stands for {plural(e.place.states, 'state')} of play."
+    if e.place.is_goal:
+        return f"{here} A gain is known to start right here."
+    if e.place.distance is None:
+        return f"{here} No way to a gain is known that costs {number(e.cutoff)} or less."
+    hops = plural(len(e.path) - 1, "step")
+    return f"{here} The nearest known gain starts {hops} away, at a cost of {number(e.place.distance)}."
+
+
+def shortened(path: Sequence[Hop]) -> tuple[Sequence[Hop], int, Sequence[Hop]]:
+    """Leave out the middle of a long path: its beginning, how many hops are left out, and its end."""
+    if len(path) <= _HOPS_SHOWN + 1:
+        return path, 0, ()
+    half = _HOPS_SHOWN // 2
+    return path[:half], len(path) - 2 * half, path[-half:]
+
+
+def way(e: Explanation) -> str:
+    """Write a path that is not empty as a line: nodes, and the actions that lead from one to the next."""
+    first, omitted, last = shortened(e.path)
+    between = f"… {plural(omitted, 'step')} … " if omitted else ""
+    gain = e.path[-1]
+    return f"{_links(first)}{between}{_links(last)}{gain.target} ({signed(gain.reward)})"
+
+
+def _links(hops: Iterable[Hop]) -> str:
+    return "".join(f"{hop.source} ─{hop.action}→ " for hop in hops)
+
+
+def ending(e: Explanation, scenario: Foresight) -> str:
+    """Say where a scenario ends."""
+    if not e.path:
+        return f"node {scenario.end_node}"
+    where = "off the path" if scenario.progress is None else f"{scenario.progress + 1} of {len(e.path)} on the path"
+    return f"node {scenario.end_node}, {where}"
+
+
+def told(part: Told) -> str:
+    """Say a part of the goal."""
+    if part.part == "actions":
+        return compact(part.names)
+    if part.names:
+        return named(zip(part.names, part.numbers, strict=True))
+    return signed(part.numbers[0]) if len(part.numbers) == 1 else f"a vector of {len(part.numbers)} numbers"
+
+
+def deed(e: Explanation) -> str:
+    """Say what was done by whom, and what the others would have done."""
+    d, planned = e.deed, e.policy == "planner"
+    decider, wanted, other, others = (
+        ("planner", d.planner, "agent", d.agent) if planned else ("agent", d.agent, "planner", d.planner)
+    )
+    if d.by_chance:
+        both = f"agent and planner wanted {wanted}"
+        wishes = both if wanted == others else f"the {decider} wanted {wanted}, the {other} {others}"
+        return f"Chance took {d.action}, as in {number(100 * e.exploration)} % of an evaluation's decisions; {wishes}."
+    why = "with which its best scenario begins" if planned else f"whose value is the highest: {named(d.values.items())}"
+    then = "do the same" if wanted == others else f"take {others}"
+    return f"The {decider} took {d.action}, {why}; the {other} would {then}."
+
+
+def aftermath(e: Explanation) -> str:
+    """Say what really came, and what the planner had foreseen of it."""
+    a = e.aftermath
+    text = f"{compact(a.actions)}: {rewards(a.rewards)}{', then the episode ended' if a.ended else ''}."
+    return f"{text} For these actions the models foresaw {rewards(a.foreseen)}."
