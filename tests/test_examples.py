@@ -14,8 +14,11 @@ RUNS = {
     "detect": (["--decisions", "55"], "objects brighter than"),
     "embed": (["--batches", "20", "--decisions", "3"], "cosine similarity"),
     "maze": (["--steps", "1500"], "208 values"),
+    "plan": (["--episodes", "10"], "the agent is told"),
+    "query_map": (["--episodes", "10"], "state losses gaining"),
     "sb3_dqn": ([*CATCH, "--decisions", "200"], "on vectors of (256,)"),
     "scene_words": (["--batches", "20"], "pos_x"),
+    "state_map": (["--episodes", "10"], "460 states on"),
     "train_and_eval": ([*CATCH, "--model", "semantic", "--frames", "6000"], "mean return"),
 }
 

@@ -114,6 +114,23 @@ def test_semantic_sees_the_embedded_scene():
     assert len({pipeline.encode(o).tobytes() for o in SHOWN[:9]}) == 9  # no two states of a falling ball look alike
 
 
+@pytest.mark.parametrize("omit_scenery", [False, True])
+def test_scenery_is_only_left_out_when_asked_for(omit_scenery):
+    scene = replace(CONFIG.scene, omit_scenery=omit_scenery)
+    pipeline = trained("embedding", replace(CONFIG, birch=BirchConfig(threshold=0.25), scene=scene))
+    seen = [pipeline.detector.detect(to_grey(observation.frame)) for observation in SHOWN]
+    classes = pipeline.classes(seen[-1])
+    everything = list(range(len(classes)))
+    assert pipeline.shown(classes).tolist() == everything  # nothing was seen to stand still yet
+    for objects in seen:
+        pipeline.scenery.partial_fit(pipeline.classes(objects), objects.centres_px)
+    moving = np.flatnonzero(~np.isin(classes, pipeline.scenery.still_)).tolist()
+    assert 0 < len(moving) < len(everything)
+    assert pipeline.shown(classes).tolist() == (moving if omit_scenery else everything)
+    assert len(pipeline.scene(to_grey(SHOWN[-1].frame))) == len(pipeline.shown(classes))
+    assert pipeline.shown(np.empty(0, np.int64)).shape == (0,)
+
+
 def test_ram_sees_coordinates():
     pipeline = Pipeline(CONFIG, "ram", "pong")
     for observation in observations("PongNoFrameskip-v4", n=3):

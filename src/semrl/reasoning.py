@@ -4,6 +4,7 @@ states ─ map, next state, reward ─ routes, scenarios ─ plan ─ goal vecto
 """
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,11 +16,12 @@ from semrl.ontology import (
     EpisodeRecord,
     Experience,
     NextStateConfig,
-    NextStateNetwork,
     RewardConfig,
     StateMap,
     StateMapConfig,
+    make_next_state_model,
     make_reward_model,
+    with_past_actions,
 )
 from semrl.planner import (
     LongTermConfig,
@@ -29,7 +31,7 @@ from semrl.planner import (
     plan_routes,
     rank,
 )
-from semrl.types import Floats, Plan, Trajectory, Transitions
+from semrl.types import Floats, Plan, Scenarios, Trajectory, Transitions
 
 MAP_MODELS = ("semantic-map", "ram-map")
 """The models of Table 4.1 that reason."""
@@ -47,8 +49,12 @@ class ReasoningConfig:
     """How the next state is predicted."""
     reward: RewardConfig = field(default_factory=RewardConfig)
     """How rewards are predicted."""
+    past_actions: int = 0
+    """Actions before the last state that both models are told as well: things that have inertia go on by them."""
     rehearsal_states: int = 0
     """States of past episodes that the models rehearse, rewards in equal shares; 0: they see each episode once."""
+    rehearsal_reward_share: float = 0.0
+    """Share of what the next-state model rehearses that lies shortly before a reward: what happens there is rare."""
     long_term: LongTermConfig = field(default_factory=LongTermConfig)
     """What paths cost."""
     short_term: ShortTermConfig = field(default_factory=ShortTermConfig)
@@ -59,8 +65,10 @@ class ReasoningConfig:
     """What the agent is told of the plan."""
 
     def __post_init__(self) -> None:
-        if not (self.rehearsal_states >= 0 and 0 <= self.velocity_weight < np.inf):
-            raise UsageError("reasoning.rehearsal_states and velocity_weight must be 0 or more")
+        if not (min(self.rehearsal_states, self.past_actions) >= 0 and 0 <= self.velocity_weight < np.inf):
+            raise UsageError("reasoning.rehearsal_states, past_actions and velocity_weight must be 0 or more")
+        if not 0 <= self.rehearsal_reward_share <= 1:
+            raise UsageError(f"reasoning.rehearsal_reward_share must lie in 0 … 1, not {self.rehearsal_reward_share}")
         if not 0 < self.discount <= 1:
             raise UsageError(f"reasoning.discount must lie above 0 and up to 1, not {self.discount}")
 
@@ -92,18 +100,22 @@ class Reasoner:
         self.goal_size = goal_size(config.goal, dimension=dimension, depth=config.short_term.depth, n_actions=n_actions)
         self.sequences = action_sequences(n_actions, config.short_term)
         self.state_map = StateMap(config.state_map, dimension * (2 if config.velocity_weight else 1), n_actions)
-        self.next_state = NextStateNetwork(config.next_state, dimension, n_actions, seed=seed)
-        self.reward = make_reward_model(config.reward, dimension, n_actions, seed=seed)
-        self.experience = Experience(config.rehearsal_states, dimension)
+        size = dimension + config.past_actions
+        self.next_state = make_next_state_model(config.next_state, size, n_actions, seed=seed)
+        self.reward = make_reward_model(config.reward, size, n_actions, seed=seed)
+        self.experience = Experience(config.rehearsal_states, size)
         self.routes = plan_routes(self.state_map.graph_, config.long_term)
         self._episode = EpisodeRecord(dimension)
         self._rng = np.random.default_rng(seed)
 
     def plan(self, state: Floats) -> Plan | None:
-        """Plan from a state, ``(2, d)``: the current one and the one before; None before anything was learned."""
+        """Plan from a state, ``(2, d)``: the current one and the one before; None before anything was learned.
+
+        The actions before it are those that were observed since the beginning of the episode.
+        """
         if not self.next_state.is_fitted:
             return None
-        scenarios = imagine(state[0], state[1], self.sequences, self.next_state, self.reward)
+        scenarios = self._imagine(state)
         before_last = scenarios.states[:, -2] if self.sequences.shape[1] > 1 else state[None, 0]
         return rank(
             scenarios,
@@ -113,6 +125,10 @@ class Reasoner:
             self.routes,
             discount=self.config.discount,
         )
+
+    def begin_episode(self) -> None:
+        """Forget the actions of an episode that was not learned from."""
+        self._episode.clear()
 
     def goal(self, state: Floats) -> Floats:
         """Return what the agent is told in a state, ``(goal_size,)`` float32; zeros before anything was learned."""
@@ -160,14 +176,7 @@ class Reasoner:
         )
         self.state_map.partial_fit(on_map)
         clock.lap("seconds_map")
-        if self.config.rehearsal_states:
-            self.experience.add(trajectory)
-        for _ in range(self.config.next_state.epochs):
-            self.next_state.partial_fit(self._lesson(transitions))
-        clock.lap("seconds_next_state")
-        for _ in range(self.config.reward.epochs):
-            self.reward.partial_fit(self._lesson(transitions, balanced=True))
-        clock.lap("seconds_reward")
+        self._learn_models(trajectory, clock)
         self.routes = plan_routes(self.state_map.graph_, self.config.long_term)
         clock.lap("seconds_routes")
         graph = self.state_map.graph_
@@ -200,17 +209,44 @@ class Reasoner:
         self.reward.from_arrays(unnest(arrays, "reward"))
         self.routes = plan_routes(self.state_map.graph_, self.config.long_term)
 
+    def _imagine(self, state: Floats) -> Scenarios:
+        """Imagine all sequences of actions from a state, ``(2, d)``."""
+        past = self._episode.recent_actions(self.config.past_actions + 1)
+        now, before = np.append(state[0], past[:-1]), np.append(state[1], past[1:])
+        told = imagine(now, before, self.sequences, self.next_state, self.reward)
+        return Scenarios(actions=told.actions, states=told.states[:, :, : self.dimension], rewards=told.rewards)
+
+    def _learn_models(self, trajectory: Trajectory, clock: "_Clock") -> None:
+        states = with_past_actions(trajectory.states, trajectory.actions, self.config.past_actions)
+        told = Trajectory(states=states, actions=trajectory.actions, rewards=trajectory.rewards)
+        if self.config.rehearsal_states:
+            self.experience.add(told)
+        for lesson in self._lessons(self.config.next_state, told.transitions):
+            self.next_state.partial_fit(lesson)
+        clock.lap("seconds_next_state")
+        for lesson in self._lessons(self.config.reward, told.transitions, balanced=True):
+            self.reward.partial_fit(lesson)
+        clock.lap("seconds_reward")
+
     def _coordinates(self, states: Floats, previous: Floats) -> Floats:
         """Return where ``(b, d)`` states lie on the map."""
         weight = np.float32(self.config.velocity_weight)
         return np.concatenate([states, weight * (states - previous)], axis=1) if weight else states
 
-    def _lesson(self, transitions: Transitions, *, balanced: bool = False) -> Transitions:
-        """Choose what a model learns from in one pass: the episode, or as much of what is remembered."""
-        if not self.config.rehearsal_states:
-            return transitions
-        draw = self.experience.draw_balanced if balanced else self.experience.draw
-        return draw(self._rng, len(transitions))
+    def _lessons(
+        self, model: NextStateConfig | RewardConfig, episode: Transitions, *, balanced: bool = False
+    ) -> Iterator[Transitions]:
+        """Yield what a model learns from, pass by pass: the episode, or as much of what is remembered."""
+        if model.kind == "trees":  # they remember by themselves
+            yield episode
+            return
+        for _ in range(model.epochs):
+            if not self.config.rehearsal_states:
+                yield episode
+            elif balanced:
+                yield self.experience.draw_balanced(self._rng, len(episode))
+            else:
+                yield self.experience.draw(self._rng, len(episode), self.config.rehearsal_reward_share)
 
 
 class _Clock:

@@ -60,7 +60,8 @@ def new_run(tmp_path, tiny):
         ("train --resume --run RUN --seed 3 --frames=9", "keeps its settings; leave out --seed, --frames"),
         ("eval", "Missing from semrl eval"),
         ("eval RUN", "there is no run at"),
-        ("eval RUN --policy planner", "invalid choice 'planner'"),
+        ("eval RUN --policy human", "invalid choice 'human'"),
+        ("eval RUN --policy planner", "there is no run at"),
         ("eval RUN --frames 3", "--frames, 3"),
         ("doctor now", "now"),
         ("report", "report needs the folder"),
@@ -262,6 +263,17 @@ def test_too_little_memory_is_one_line(call, tmp_path, tiny_toml):
     result = call("train", "--config", tiny_toml("baseline", agent__replay_capacity=1 << 45), "--run", run)
     assert result.status == 1 and "not enough memory" in result.message and result.err.count("\n") == 1
     assert not run.exists()
+
+
+def test_a_planner_without_a_map_is_one_line(call, tmp_path, semantic_run, tiny):
+    result = call("eval", semantic_run, "--policy", "planner", "--json")
+    assert result.status == 2 and result.out == "" and result.err.count("\n") == 1
+    assert "has no map; train one with --model ram-map or --model semantic-map" in result.message
+    empty = tmp_path / "empty"
+    train(empty, tiny("semantic-map", frames=4 * 60))
+    result = call("eval", empty, "--policy", "planner")
+    assert result.status == 2 and "is still empty" in result.message and result.err.count("\n") == 1
+    assert not [*semantic_run.glob("*planner*"), *empty.glob("*planner*")]
 
 
 def test_ctrl_c_and_sigterm_end_any_command(call, semantic_run, monkeypatch):

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -28,7 +29,7 @@ def only_json(result):
     return json.loads(result.out)
 
 
-@pytest.mark.parametrize("model", ["baseline", "otsu", "birch", "semantic", "ram"])
+@pytest.mark.parametrize("model", ["baseline", "otsu", "birch", "semantic", "semantic-map", "ram"])
 def test_all_models_train_and_play(call, tmp_path, tiny_toml, model):
     run = tmp_path / "run"
     told = only_json(call("train", "--model", model, "--config", tiny_toml(model, frames=320), "--run", run, "--json"))
@@ -43,6 +44,18 @@ def test_all_models_train_and_play(call, tmp_path, tiny_toml, model):
         played = only_json(call("eval", run, "--episodes", 2, "--seed", 3, "--json"))
         assert played.keys() == EVAL_KEYS and played["policy"] == "agent"
         assert played["episodes"] == len(played["returns"]) == 2
+
+
+def test_the_planner_plays_alone(call, tmp_path, map_run):
+    run = shutil.copytree(map_run, tmp_path / "run")
+    played = only_json(call("eval", run, "--policy", "planner", "--episodes", 3, "--seed", 3, "--json"))
+    assert played.keys() == EVAL_KEYS and played["policy"] == "planner" and len(played["returns"]) == 3
+    written = json.loads((run / "evaluation-planner.json").read_text())
+    assert {name: written[name] for name in EVAL_KEYS} == played and not (run / "evaluation.json").exists()
+    assert only_json(call("eval", run, "--episodes", 1, "--json"))["policy"] == "agent"
+    assert (run / "evaluation.json").exists()
+    told = call("eval", run, "--policy", "planner", "--episodes", 1)
+    assert told.status == 0 and "over 1 episodes" in told.out
 
 
 def test_people_are_told_as_well(call, tmp_path, tiny_toml):

@@ -61,9 +61,10 @@ def test_returns_are_the_sums_of_the_rewards_of_greedy_play(semantic_run):
     saved = RunFolder.open(semantic_run).load().arrays
     trainer.pipeline.from_arrays(unnest(saved, "pipeline"))
     trainer.agent.load_network(unnest(saved, "agent/network"))
-    game = Game(make_env(config.env, config.environment), seed=9)
     returns = []
-    for _ in range(3):
+    for episode in range(3):
+        seed = int(np.random.default_rng([9, episode]).integers(2**31))
+        game = Game(make_env(config.env, config.environment), seed)
         now = before = trainer.pipeline.encode(game.reset())
         rewards, done = [], False
         while not done:

@@ -7,7 +7,6 @@ from torch import Tensor, nn
 
 from semrl.errors import UsageError
 
-
 MAX_FREQUENCIES = 16
 
 

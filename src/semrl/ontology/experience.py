@@ -6,7 +6,36 @@ from numpy.typing import NDArray
 from semrl.arrays import Arrays
 from semrl.types import Floats, Ints, Trajectory, Transitions
 
+REWARD_WINDOW = 16
+"""Decisions before a reward that count as having led to it."""
+
 _END = -1  # stands for the action after the last state of an episode
+
+
+NO_ACTION = -1
+"""Stands where there was no action yet."""
+
+
+def with_past_actions(states: Floats, actions: Ints, count: int) -> Floats:
+    """Write the last few actions behind each state of an episode, the newest first.
+
+    Parameters
+    ----------
+    states
+        ``(t + 1, d)``.
+    actions
+        ``(t,)``.
+    count
+        How many, ``k``.
+
+    Returns
+    -------
+    ndarray
+        ``(t + 1, d + k)`` float32; −1 stands for actions before the first.
+    """
+    padded = np.concatenate([np.full(count, NO_ACTION), actions]).astype(np.float32)
+    past = [padded[count - 1 - i :][: len(states), None] for i in range(count)]
+    return np.concatenate([states, *past], axis=1)
 
 
 class EpisodeRecord:
@@ -30,6 +59,11 @@ class EpisodeRecord:
         self._actions.append(action)
         self._rewards.append(reward)
 
+    def recent_actions(self, count: int) -> Floats:
+        """Return the last few actions, the newest first, ``(count,)`` float32; −1 before the first."""
+        newest_first = self._actions[::-1][:count]
+        return np.array(newest_first + [NO_ACTION] * (count - len(newest_first)), dtype=np.float32)
+
     def finish(self, last: Floats) -> Trajectory:
         """Return the episode, whose last state is ``last``, and begin another."""
         trajectory = Trajectory(
@@ -37,8 +71,12 @@ class EpisodeRecord:
             actions=np.array(self._actions, dtype=np.int64),
             rewards=np.array(self._rewards, dtype=np.float32),
         )
-        self.from_arrays(EpisodeRecord(self.dimension).to_arrays())
+        self.clear()
         return trajectory
+
+    def clear(self) -> None:
+        """Begin another episode."""
+        self._states, self._actions, self._rewards = [], [], []
 
     def to_arrays(self) -> Arrays:
         """Return what was noted."""
@@ -89,9 +127,16 @@ class Experience:
             self._states, self._actions = self._states[first:], self._actions[first:]
             self._rewards = self._rewards[first:]
 
-    def draw(self, rng: np.random.Generator, count: int) -> Transitions:
-        """Draw decisions uniformly, with replacement."""
-        return self._at(rng.choice(self._decisions(), count))
+    def draw(self, rng: np.random.Generator, count: int, reward_share: float = 0.0) -> Transitions:
+        """Draw decisions with replacement, uniformly but for a share of such as led to a reward soon."""
+        drawn = rng.choice(self._decisions(), count)
+        rewarded = np.flatnonzero(self._rewards)
+        if len(rewarded):
+            part = round(count * reward_share)
+            soon = rng.choice(rewarded, part) - rng.integers(REWARD_WINDOW, size=part)
+            fit = (soon >= 0) & (self._actions[np.maximum(soon, 0)] != _END)
+            drawn[:part][fit] = soon[fit]
+        return self._at(drawn)
 
     def draw_balanced(self, rng: np.random.Generator, count: int) -> Transitions:
         """Draw about equally many decisions with a gain, a loss and neither, of those that were met."""

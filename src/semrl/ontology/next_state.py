@@ -1,7 +1,7 @@
 """Predicting what state comes next (§3.4.3, Fig. 3.9)."""
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Literal, Self
 
 import numpy as np
 from torch.nn import functional
@@ -9,13 +9,16 @@ from torch.nn import functional
 from semrl.arrays import Arrays, nest, unnest
 from semrl.errors import UsageError
 from semrl.ontology.network import DenseNetwork, features, spread
+from semrl.ontology.trees import Forest, Memory, relational_features
 from semrl.types import Floats, Ints, Transitions
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class NextStateConfig:
-    """Settings of `NextStateNetwork`; the defaults are the thesis's (§3.4.3)."""
+    """Settings of the next-state model; the defaults are the thesis's (§3.4.3)."""
 
+    kind: Literal["network", "trees"] = "network"
+    """A network, or regression trees for short states, which need no rehearsal; the last two settings are theirs."""
     hidden_units: tuple[int, ...] = (512,)
     """Width of each dense layer."""
     layer_norm: bool = False
@@ -34,11 +37,27 @@ class NextStateConfig:
     """Predict what changes in place of the whole state, inputs and changes scaled as in the first episode, with the
     squared error linear beyond 1."""
 
+    leaf_decisions: int = 2
+    """Of trees: fewest decisions in a leaf."""
+    capacity: int = 100_000
+    """Of trees: decisions remembered."""
+
     def __post_init__(self) -> None:
+        if self.leaf_decisions < 1 or self.capacity < 1:
+            raise UsageError("next_state.leaf_decisions and capacity must be 1 or more")
         if min(*self.hidden_units, self.batch_size, self.epochs) < 1:
             raise UsageError("next_state.hidden_units, batch_size and epochs must all be 1 or more")
         if not (self.learning_rate > 0 and 0 <= self.adam_beta1 < 1 and 0 <= self.adam_beta2 < 1):
             raise UsageError("next_state.learning_rate must be above 0, and adam_beta1 and adam_beta2 lie in 0 … 1")
+
+
+def make_next_state_model(
+    config: NextStateConfig, dimension: int, n_actions: int, *, seed: int = 0
+) -> "NextStateNetwork | NextStateTrees":
+    """Make the model that the configuration asks for."""
+    if config.kind == "trees":
+        return NextStateTrees(config, dimension, n_actions)
+    return NextStateNetwork(config, dimension, n_actions, seed=seed)
 
 
 class NextStateNetwork:
@@ -113,3 +132,53 @@ class NextStateNetwork:
         self._centre, self._scale = arrays["centre"], arrays["scale"]
         self._change_scale = arrays["change_scale"]
         self.is_fitted = bool(arrays["is_fitted"])
+
+
+class NextStateTrees:
+    """A regression tree for the change of each number of the state.
+
+    Parameters
+    ----------
+    config
+        See `NextStateConfig`.
+    dimension
+        Length of a state, at most 32.
+    n_actions
+        Number of actions.
+    """
+
+    def __init__(self, config: NextStateConfig, dimension: int, n_actions: int) -> None:
+        self.config = config
+        self.dimension = dimension
+        self.n_actions = n_actions
+        self.forest = Forest(config.leaf_decisions)
+        self.memory = Memory(config.capacity, dimension)
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether anything was learned yet."""
+        return self.memory.fitted_ > 0
+
+    def partial_fit(self, transitions: Transitions) -> Self:
+        """Remember some transitions and, when there are enough new ones, grow the trees from all."""
+        if self.memory.add(transitions):
+            known = self.memory.transitions
+            rows = relational_features(known.states, known.previous, known.actions, self.n_actions)
+            self.forest.fit(rows, known.next_states - known.states)
+        return self
+
+    def predict(self, states: Floats, previous: Floats, actions: Ints) -> Floats:
+        """Return the next states, ``(b, d)`` float32; the same ones before anything was learned."""
+        if not self.is_fitted:
+            return states.copy()
+        rows = relational_features(states, previous, actions, self.n_actions)
+        return states + self.forest(rows).astype(np.float32)
+
+    def to_arrays(self) -> Arrays:
+        """Return trees and memory."""
+        return nest(forest=self.forest.to_arrays(), memory=self.memory.to_arrays())
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on exactly where `to_arrays` was called."""
+        self.forest.from_arrays(unnest(arrays, "forest"))
+        self.memory.from_arrays(unnest(arrays, "memory"))

@@ -11,6 +11,7 @@ from torch.nn import functional
 from semrl.arrays import Arrays, nest, unnest
 from semrl.errors import UsageError
 from semrl.ontology.network import DenseNetwork, features, spread
+from semrl.ontology.trees import Forest, Memory, relational_features
 from semrl.types import Floats, Ints, Transitions
 
 SIGNS: Ints = np.array([-1, 0, 1])
@@ -20,8 +21,8 @@ SIGNS: Ints = np.array([-1, 0, 1])
 class RewardConfig:
     """Settings of the reward model; the defaults are the thesis's (§3.4.3)."""
 
-    kind: Literal["svm", "network"] = "svm"
-    """Three linear machines, one against all; or a network."""
+    kind: Literal["svm", "network", "trees"] = "svm"
+    """Three linear machines, one against all; a network; or a regression tree, for short states."""
     svm_lambda: float = 1e-4
     """Weight of the margin against the hinge loss."""
     hidden_units: tuple[int, ...] = (128,)
@@ -35,7 +36,14 @@ class RewardConfig:
     epochs: int = 1
     """Passes over an episode after its end."""
 
+    leaf_decisions: int = 2
+    """Of the tree: fewest decisions in a leaf."""
+    capacity: int = 100_000
+    """Of the tree: decisions remembered."""
+
     def __post_init__(self) -> None:
+        if self.leaf_decisions < 1 or self.capacity < 1:
+            raise UsageError("reward.leaf_decisions and capacity must be 1 or more")
         if min(*self.hidden_units, self.batch_size, self.epochs) < 1:
             raise UsageError("reward.hidden_units, batch_size and epochs must all be 1 or more")
         if not (self.svm_lambda > 0 and self.learning_rate > 0):
@@ -50,10 +58,13 @@ def _signs(scores: NDArray[Any]) -> Ints:
 
 def make_reward_model(
     config: RewardConfig, dimension: int, n_actions: int, *, seed: int = 0
-) -> "RewardSVM | RewardNetwork":
+) -> "RewardSVM | RewardNetwork | RewardTree":
     """Make the model that the configuration asks for."""
-    kind = RewardSVM if config.kind == "svm" else RewardNetwork
-    return kind(config, dimension, n_actions, seed=seed)
+    if config.kind == "svm":
+        return RewardSVM(config, dimension, n_actions, seed=seed)
+    if config.kind == "network":
+        return RewardNetwork(config, dimension, n_actions, seed=seed)
+    return RewardTree(config, dimension, n_actions)
 
 
 class RewardSVM:
@@ -176,3 +187,48 @@ class RewardNetwork:
         self.network.from_arrays(unnest(arrays, "network"))
         self._centre, self._scale = arrays["centre"], arrays["scale"]
         self.is_fitted = bool(arrays["is_fitted"])
+
+
+class RewardTree:
+    """A regression tree for the sign of the reward, rounded.
+
+    Parameters
+    ----------
+    config
+        See `RewardConfig`.
+    dimension
+        Length of a state, at most 32.
+    n_actions
+        Number of actions.
+    """
+
+    def __init__(self, config: RewardConfig, dimension: int, n_actions: int) -> None:
+        self.config = config
+        self.dimension = dimension
+        self.n_actions = n_actions
+        self.forest = Forest(config.leaf_decisions)
+        self.memory = Memory(config.capacity, dimension)
+
+    def partial_fit(self, transitions: Transitions) -> Self:
+        """Remember some transitions and, when there are enough new ones, grow the tree from all."""
+        if self.memory.add(transitions):
+            known = self.memory.transitions
+            rows = relational_features(known.states, known.previous, known.actions, self.n_actions)
+            self.forest.fit(rows, np.sign(known.rewards)[:, None])
+        return self
+
+    def predict(self, states: Floats, previous: Floats, actions: Ints) -> Ints:
+        """Return −1, 0 or 1 for each row, ``(b,)`` int64; 0 before anything was learned."""
+        if not self.memory.fitted_:
+            return np.zeros(len(states), np.int64)
+        rows = relational_features(states, previous, actions, self.n_actions)
+        return np.rint(self.forest(rows)[:, 0]).astype(np.int64)
+
+    def to_arrays(self) -> Arrays:
+        """Return tree and memory."""
+        return nest(forest=self.forest.to_arrays(), memory=self.memory.to_arrays())
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on exactly where `to_arrays` was called."""
+        self.forest.from_arrays(unnest(arrays, "forest"))
+        self.memory.from_arrays(unnest(arrays, "memory"))

@@ -47,7 +47,8 @@ def rank(
         measured by its distance to the path's end. On an empty map only the reward counts.
     """
     graph = state_map.graph_
-    returns = scenarios.rewards @ discount ** np.arange(scenarios.rewards.shape[1], dtype=np.float64)  # (s,)
+    weights = discount ** np.arange(scenarios.rewards.shape[1], dtype=np.float64)  # (t,)
+    returns = (scenarios.rewards * weights).sum(axis=1)  # (s,); a matrix product would round equal rows differently
     if not len(graph):
         nowhere = np.full(len(scenarios), -1)
         order = np.argsort(-returns, kind="stable")

@@ -36,10 +36,10 @@ def action_sequences(n_actions: int, config: ShortTermConfig) -> Ints:
     UsageError
         When they are more than 4,096.
     """
-    if n_actions**config.depth > MAX_SCENARIOS:
+    if n_actions ** min(config.depth, MAX_SCENARIOS.bit_length()) > MAX_SCENARIOS:  # more could not even be counted
         raise UsageError(
-            f"{n_actions} actions make {n_actions**config.depth:,} scenarios of depth {config.depth}, "
-            f"more than {MAX_SCENARIOS:,}; choose a smaller short_term.depth"
+            f"{n_actions} actions make more than {MAX_SCENARIOS:,} scenarios of depth {config.depth}; "
+            "choose a smaller short_term.depth"
         )
     chosen = np.array(list(itertools.product(range(n_actions), repeat=config.depth)), dtype=np.int64)
     sequences: Ints = np.repeat(chosen, config.hold_decisions, axis=1)

@@ -91,6 +91,8 @@ class Player:
     def play(self, game: Game, rng: np.random.Generator, policy: Policy = "agent") -> Iterator[Step]:
         """Play one episode and yield every decision of it, beginning with the first observation."""
         observation = game.reset()
+        if self.reasoner:
+            self.reasoner.begin_episode()
         seen = self.see(observation, None)
         state = np.stack([seen, seen])
         yield Step(observation=observation, total=0.0, state=state, action=None)
@@ -99,6 +101,8 @@ class Player:
             explore = rng.random() < self.config.evaluation.exploration
             action = int(rng.integers(game.n_actions)) if explore else self.choose(state, policy)
             outcome = game.step(action)
+            if self.reasoner:
+                self.reasoner.observe(state[0], action, outcome.reward)
             state = np.stack([self.see(outcome.observation, state[0]), state[0]])
             total += outcome.reward
             done = outcome.done
