@@ -25,7 +25,7 @@ STEPS = (0, 1, 6, 20, 41)
 def ram_map_run(tmp_path_factory, tiny):
     """A finished run on an Atari game, with a map and without perception. Read only."""
     path = tmp_path_factory.mktemp("runs") / "ram-map"
-    train(path, tiny("ram-map", frames=4000))
+    train(path, tiny("ram-map", frames=8000))
     return path
 
 
@@ -76,7 +76,7 @@ def test_the_place_and_the_path_are_those_of_the_map(map_run):
     lengths = set()
     for k in range(0, len(steps) - 1, 4):
         told = explain(map_run, episode=1, step=k)
-        node = int(player.reasoner.state_map.locate(steps[k].state[:1, : player.reasoner.dimension])[0])
+        node = player.reasoner.plan(steps[k].state[:, : player.reasoner.dimension]).node
         assert told.place.node == graph.node_ids[node] and told.place.states == graph.node_counts[node]
         assert told.place.is_goal == routes.goals[node]
         lengths.add(len(told.path))

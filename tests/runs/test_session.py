@@ -44,7 +44,7 @@ def test_a_run_tells_what_it_did(semantic_run, tiny):
     assert result["decisions"] == 150 and result["frames"] == 600
     table = read_metrics(semantic_run / "metrics.csv")
     phases = [row["phase"] for row in table]
-    assert sorted(set(phases), key=phases.index) == ["threshold", "pca", "birch", "agent"]
+    assert sorted(set(phases), key=phases.index) == ["threshold", "pca", "birch", "scenery", "agent"]
     returns = [float(row["return"]) for row in table if row["phase"] == "agent"]
     assert len(returns) == result["episodes"] > 0
     assert result["return_mean_last10"] == pytest.approx(np.mean(returns[-10:]))
