@@ -31,7 +31,7 @@ from semrl.planner import (
     plan_routes,
     rank,
 )
-from semrl.types import Floats, Plan, Scenarios, Trajectory, Transitions
+from semrl.types import Floats, Ints, Plan, Scenarios, Trajectory, Transitions
 
 MAP_MODELS = ("semantic-map", "ram-map")
 """The models of Table 4.1 that reason."""
@@ -108,14 +108,24 @@ class Reasoner:
         self._episode = EpisodeRecord(dimension)
         self._rng = np.random.default_rng(seed)
 
-    def plan(self, state: Floats) -> Plan | None:
-        """Plan from a state, ``(2, d)``: the current one and the one before; None before anything was learned.
+    @property
+    def past(self) -> Floats:
+        """The actions observed last in this episode, the newest first, as `plan` wants them; −1 before the first."""
+        return self._episode.recent_actions(self.config.past_actions + 1)
 
-        The actions before it are those that were observed since the beginning of the episode.
+    def plan(self, state: Floats, past: Floats | None = None) -> Plan | None:
+        """Plan from a state; None before anything was learned.
+
+        Parameters
+        ----------
+        state
+            ``(2, d)``, the current one and the one before.
+        past
+            What `past` was then; as it is now when None.
         """
         if not self.next_state.is_fitted:
             return None
-        scenarios = self._imagine(state)
+        scenarios = self.imagine(state, self.past if past is None else past, self.sequences)
         before_last = scenarios.states[:, -2] if self.sequences.shape[1] > 1 else state[None, 0]
         return rank(
             scenarios,
@@ -125,6 +135,12 @@ class Reasoner:
             self.routes,
             discount=self.config.discount,
         )
+
+    def imagine(self, state: Floats, past: Floats, sequences: Ints) -> Scenarios:
+        """Roll ``(s, t)`` sequences of actions forward from a state; see `plan`."""
+        now, before = np.append(state[0], past[:-1]), np.append(state[1], past[1:])
+        told = imagine(now, before, sequences, self.next_state, self.reward)
+        return Scenarios(actions=told.actions, states=told.states[:, :, : self.dimension], rewards=told.rewards)
 
     def begin_episode(self) -> None:
         """Forget the actions of an episode that was not learned from."""
@@ -208,13 +224,6 @@ class Reasoner:
         self.next_state.from_arrays(unnest(arrays, "next_state"))
         self.reward.from_arrays(unnest(arrays, "reward"))
         self.routes = plan_routes(self.state_map.graph_, self.config.long_term)
-
-    def _imagine(self, state: Floats) -> Scenarios:
-        """Imagine all sequences of actions from a state, ``(2, d)``."""
-        past = self._episode.recent_actions(self.config.past_actions + 1)
-        now, before = np.append(state[0], past[:-1]), np.append(state[1], past[1:])
-        told = imagine(now, before, self.sequences, self.next_state, self.reward)
-        return Scenarios(actions=told.actions, states=told.states[:, :, : self.dimension], rewards=told.rewards)
 
     def _learn_models(self, trajectory: Trajectory, clock: "_Clock") -> None:
         states = with_past_actions(trajectory.states, trajectory.actions, self.config.past_actions)

@@ -54,12 +54,15 @@ class Step:
         ``(2, *shape)``, what the agent sees now and saw before.
     action
         The one that led here; None at the beginning.
+    past
+        The actions before, as the planner is told them; None where there is no planner.
     """
 
     observation: Observation
     total: float
     state: NDArray[Any]
     action: int | None
+    past: NDArray[Any] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +98,7 @@ class Player:
             self.reasoner.begin_episode()
         seen = self.see(observation, None)
         state = np.stack([seen, seen])
-        yield Step(observation=observation, total=0.0, state=state, action=None)
+        yield Step(observation=observation, total=0.0, state=state, action=None, past=self._past())
         total, done = 0.0, False
         while not done:
             explore = rng.random() < self.config.evaluation.exploration
@@ -106,7 +109,10 @@ class Player:
             state = np.stack([self.see(outcome.observation, state[0]), state[0]])
             total += outcome.reward
             done = outcome.done
-            yield Step(observation=outcome.observation, total=total, state=state, action=action)
+            yield Step(observation=outcome.observation, total=total, state=state, action=action, past=self._past())
+
+    def _past(self) -> NDArray[Any] | None:
+        return self.reasoner.past if self.reasoner else None
 
     def see(self, observation: Observation, before: NDArray[Any] | None) -> NDArray[Any]:
         """Return what the agent is shown: the state and, where there is a map, the goal."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from semrl.errors import UsageError
 from semrl.grounding import GoalPart, goal_size
-from semrl.planner import edge_costs, edges_along, imagine, reason
+from semrl.planner import edge_costs, edges_along, reason
 from semrl.reasoning import Reasoner
 from semrl.runs.evaluation import EVALUATION_SEED, Player, Policy, Step, load_player
 from semrl.runs.explanation import Aftermath, Deed, Explanation, Foresight, Hop, Place, Told
@@ -55,7 +55,7 @@ def explain(
     with limited_threads(player.config.threads):
         steps = player.episode(episode, seed, policy)
         played = _played(steps, step, reasoner.sequences.shape[1], f"episode {episode} of {run}")
-        thought = _Thought(player, reasoner, played.steps[0].state)
+        thought = _Thought(player, reasoner, played.steps[0])
         return Explanation(
             run=str(run),
             model=player.config.model,
@@ -114,10 +114,11 @@ def _played(steps: Iterable[Step], first: int, horizon: int, what: str) -> _Play
 class _Thought:
     """What agent and planner make of a state, as rows."""
 
-    def __init__(self, player: Player, reasoner: Reasoner, state: NDArray[Any]) -> None:
-        plan = reasoner.plan(state[:, : reasoner.dimension])
+    def __init__(self, player: Player, reasoner: Reasoner, step: Step) -> None:
+        plan = reasoner.plan(step.state[:, : reasoner.dimension], step.past)
         assert plan is not None, "where there is a map, the models have learned as well"
-        self.player, self.reasoner, self.state, self.plan = player, reasoner, state, plan
+        self.player, self.reasoner, self.state, self.plan = player, reasoner, step.state, plan
+        self.past = reasoner.past if step.past is None else step.past
         self.graph, self.routes = reasoner.state_map.graph_, reasoner.routes
         self.action_names = action_names(player)
         self.n_scenarios = len(plan.scenarios)
@@ -192,8 +193,7 @@ class _Thought:
     def aftermath(self, played: _Played) -> Aftermath:
         """Tell what came, and what the models foresee for the actions that were taken."""
         reasoner, actions = self.reasoner, np.array([played.actions])
-        now, before = self.state[:, : reasoner.dimension]
-        foreseen = imagine(now, before, actions, reasoner.next_state, reasoner.reward)
+        foreseen = reasoner.imagine(self.state[:, : reasoner.dimension], self.past, actions)
         return Aftermath(
             actions=self._names(played.actions),
             rewards=tuple(played.rewards),
