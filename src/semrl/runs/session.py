@@ -226,10 +226,14 @@ class _Session:
 
 def _check_weights(arrays: Arrays) -> None:
     """Keep weights that are not numbers out of the checkpoints: the last good one stays."""
-    if not all(np.isfinite(value).all() for value in unnest(arrays, "agent/network").values()):
-        raise SemrlError(
-            "the weights are no longer numbers: learning has diverged; try a smaller --agent.learning-rate"
-        )
+    settings = {
+        "agent/network": "--agent.learning-rate",
+        "reasoner/next_state/network/layers": "--reasoning.next-state.learning-rate",
+        "reasoner/reward/network/layers": "--reasoning.reward.learning-rate",
+    }
+    for part, setting in settings.items():
+        if not all(np.isfinite(value).all() for value in unnest(arrays, part).values()):
+            raise SemrlError(f"the weights are no longer numbers: learning has diverged; try a smaller {setting}")
 
 
 def _told_before(manifest: Mapping[str, Any], folder: RunFolder) -> TrainResult:
