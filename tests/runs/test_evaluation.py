@@ -1,10 +1,10 @@
 import dataclasses
 import json
-import signal
 
 import numpy as np
 import pytest
 import torch
+from stopping import stopped
 
 from semrl.arrays import unnest
 from semrl.errors import SemrlError, UsageError
@@ -12,26 +12,6 @@ from semrl.runs import EvaluationResult, RunFolder, evaluate, load_pipeline, loa
 from semrl.runs.evaluation import EVALUATION_SEED
 from semrl.runs.session import build_trainer
 from semrl.state import Game, make_env
-
-
-class StopAt:
-    """Stops a run after a decision, as Ctrl-C would."""
-
-    def __init__(self, decision):
-        self.decision = decision
-
-    def on_decision(self, trainer):
-        if trainer.decisions_ == self.decision:
-            signal.raise_signal(signal.SIGINT)
-
-    def on_row(self, row):
-        pass
-
-
-def stopped(path, config, decision):
-    with pytest.raises(SemrlError, match="stopped"):
-        train(path, config, observers=[StopAt(decision)])
-    return path
 
 
 def test_the_same_seed_gives_the_same_returns(semantic_run):

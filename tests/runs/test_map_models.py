@@ -4,11 +4,11 @@ import csv
 import dataclasses
 import json
 import shutil
-import signal
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from stopping import stopped
 
 from semrl.errors import SemrlError, UsageError
 from semrl.runs import RunFolder, evaluate, load_map, load_player, train
@@ -17,26 +17,6 @@ from semrl.runs.metrics import read_metrics
 
 EPISODE_DECISIONS = 45  # of Catch: five balls of nine decisions
 MAP_COLUMNS = ("map_nodes", "map_edges", "seconds_map", "seconds_next_state", "seconds_reward", "seconds_routes")
-
-
-class StopAt:
-    """Stops a run after a decision, as Ctrl-C would."""
-
-    def __init__(self, decision):
-        self.decision = decision
-
-    def on_decision(self, trainer):
-        if trainer.decisions_ == self.decision:
-            signal.raise_signal(signal.SIGINT)
-
-    def on_row(self, row):
-        pass
-
-
-def stopped(path, config, decision):
-    with pytest.raises(SemrlError, match="stopped"):
-        train(path, config, observers=[StopAt(decision)])
-    return path
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from semrl.arrays import Arrays, array_to_rng, nest, rng_to_array, unnest
 from semrl.errors import SemrlError
-from semrl.types import Floats, Ints
+from semrl.types import Floats, Ints, Transitions
 
 LEAST_DEVIATION = 0.1
 """Smallest deviation that inputs are divided by, as a share of the root mean square over all of them."""
@@ -126,6 +126,48 @@ class DenseNetwork:
             whole["state"].setdefault(int(i), {})[name] = torch.from_numpy(value.copy())
         self.optimiser.load_state_dict(whole)
         self._rng = array_to_rng(arrays["rng"])
+
+
+class NetworkModel:
+    """What both models have in common when they are networks: scaled features go in, and the scales stay.
+
+    Parameters
+    ----------
+    network
+        Takes `features`.
+    dimension
+        Length of a state.
+    n_actions
+        Number of actions.
+    """
+
+    def __init__(self, network: DenseNetwork, dimension: int, n_actions: int) -> None:
+        self.network = network
+        self.dimension = dimension
+        self.n_actions = n_actions
+        self.is_fitted = False
+        self._centre = np.zeros(2 * dimension + n_actions, np.float32)
+        self._scale = np.ones(2 * dimension + n_actions, np.float32)
+
+    def _fit_scale(self, transitions: Transitions) -> None:
+        """Measure the scales of the features."""
+        rows = features(transitions.states, transitions.previous, transitions.actions, self.n_actions)
+        self._centre, self._scale = rows.mean(axis=0), spread(rows)
+
+    def _rows(self, states: Floats, previous: Floats, actions: Ints) -> Floats:
+        """Return scaled features."""
+        return (features(states, previous, actions, self.n_actions) - self._centre) / self._scale
+
+    def to_arrays(self) -> Arrays:
+        """Return the network and its scales."""
+        own = {"centre": self._centre, "scale": self._scale, "is_fitted": np.array(self.is_fitted)}
+        return nest(network=self.network.to_arrays()) | own
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on exactly where `to_arrays` was called."""
+        self.network.from_arrays(unnest(arrays, "network"))
+        self._centre, self._scale = arrays["centre"], arrays["scale"]
+        self.is_fitted = bool(arrays["is_fitted"])
 
 
 def _dense(n_inputs: int, hidden_units: tuple[int, ...], n_outputs: int, *, layer_norm: bool) -> nn.Sequential:

@@ -6,10 +6,10 @@ from typing import Literal, Self
 import numpy as np
 from torch.nn import functional
 
-from semrl.arrays import Arrays, nest, unnest
+from semrl.arrays import Arrays
 from semrl.errors import UsageError
-from semrl.ontology.network import DenseNetwork, features, spread
-from semrl.ontology.trees import Forest, Memory, relational_features
+from semrl.ontology.network import DenseNetwork, NetworkModel, spread
+from semrl.ontology.trees import TreeModel
 from semrl.types import Floats, Ints, Transitions
 
 
@@ -60,7 +60,7 @@ def make_next_state_model(
     return NextStateNetwork(config, dimension, n_actions, seed=seed)
 
 
-class NextStateNetwork:
+class NextStateNetwork(NetworkModel):
     """A dense layer that maps state, difference and action to the next state.
 
     Parameters
@@ -76,12 +76,8 @@ class NextStateNetwork:
     """
 
     def __init__(self, config: NextStateConfig, dimension: int, n_actions: int, *, seed: int = 0) -> None:
-        self.config = config
-        self.dimension = dimension
-        self.n_actions = n_actions
-        n_inputs = 2 * dimension + n_actions
-        self.network = DenseNetwork(
-            n_inputs,
+        network = DenseNetwork(
+            2 * dimension + n_actions,
             config.hidden_units,
             dimension,
             layer_norm=config.layer_norm,
@@ -90,51 +86,40 @@ class NextStateNetwork:
             batch_size=config.batch_size,
             seed=seed,
         )
-        self._centre = np.zeros(n_inputs, np.float32)
-        self._scale = np.ones(n_inputs, np.float32)
+        super().__init__(network, dimension, n_actions)
+        self.config = config
         self._change_scale = np.ones(dimension, np.float32)
-        self.is_fitted = False
 
     def partial_fit(self, transitions: Transitions) -> Self:
         """Learn in one pass over some transitions."""
-        inputs = features(transitions.states, transitions.previous, transitions.actions, self.n_actions)
         wanted = transitions.next_states
         if self.config.predict_change:
             changes = wanted - transitions.states
             if not self.is_fitted:
-                self._centre, self._scale = inputs.mean(axis=0), spread(inputs)
+                self._fit_scale(transitions)
                 self._change_scale = spread(changes)
             wanted = changes / self._change_scale
         loss = functional.smooth_l1_loss if self.config.predict_change else functional.mse_loss
-        self.network.learn((inputs - self._centre) / self._scale, wanted, loss)
+        self.network.learn(self._rows(transitions.states, transitions.previous, transitions.actions), wanted, loss)
         self.is_fitted = True
         return self
 
     def predict(self, states: Floats, previous: Floats, actions: Ints) -> Floats:
         """Return the next states, ``(b, d)`` float32."""
-        inputs = features(states, previous, actions, self.n_actions)
-        predicted = self.network((inputs - self._centre) / self._scale)
+        predicted = self.network(self._rows(states, previous, actions))
         return states + predicted * self._change_scale if self.config.predict_change else predicted
 
     def to_arrays(self) -> Arrays:
         """Return the network and its scales."""
-        return {
-            **nest(network=self.network.to_arrays()),
-            "centre": self._centre,
-            "scale": self._scale,
-            "change_scale": self._change_scale,
-            "is_fitted": np.array(self.is_fitted),
-        }
+        return super().to_arrays() | {"change_scale": self._change_scale}
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Go on exactly where `to_arrays` was called."""
-        self.network.from_arrays(unnest(arrays, "network"))
-        self._centre, self._scale = arrays["centre"], arrays["scale"]
+        super().from_arrays(arrays)
         self._change_scale = arrays["change_scale"]
-        self.is_fitted = bool(arrays["is_fitted"])
 
 
-class NextStateTrees:
+class NextStateTrees(TreeModel):
     """A regression tree for the change of each number of the state.
 
     Parameters
@@ -148,37 +133,14 @@ class NextStateTrees:
     """
 
     def __init__(self, config: NextStateConfig, dimension: int, n_actions: int) -> None:
+        super().__init__(dimension, n_actions, leaf_decisions=config.leaf_decisions, capacity=config.capacity)
         self.config = config
-        self.dimension = dimension
-        self.n_actions = n_actions
-        self.forest = Forest(config.leaf_decisions)
-        self.memory = Memory(config.capacity, dimension)
-
-    @property
-    def is_fitted(self) -> bool:
-        """Whether anything was learned yet."""
-        return self.memory.fitted_ > 0
-
-    def partial_fit(self, transitions: Transitions) -> Self:
-        """Remember some transitions and, when there are enough new ones, grow the trees from all."""
-        if self.memory.add(transitions):
-            known = self.memory.transitions
-            rows = relational_features(known.states, known.previous, known.actions, self.n_actions)
-            self.forest.fit(rows, known.next_states - known.states)
-        return self
 
     def predict(self, states: Floats, previous: Floats, actions: Ints) -> Floats:
         """Return the next states, ``(b, d)`` float32; the same ones before anything was learned."""
         if not self.is_fitted:
             return states.copy()
-        rows = relational_features(states, previous, actions, self.n_actions)
-        return states + self.forest(rows).astype(np.float32)
+        return states + self._ask(states, previous, actions).astype(np.float32)
 
-    def to_arrays(self) -> Arrays:
-        """Return trees and memory."""
-        return nest(forest=self.forest.to_arrays(), memory=self.memory.to_arrays())
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Go on exactly where `to_arrays` was called."""
-        self.forest.from_arrays(unnest(arrays, "forest"))
-        self.memory.from_arrays(unnest(arrays, "memory"))
+    def _wanted(self, transitions: Transitions) -> Floats:
+        return transitions.next_states - transitions.states

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from sklearn.linear_model import SGDClassifier
 from torch.nn import functional
 
-from semrl.arrays import Arrays, nest, unnest
+from semrl.arrays import Arrays
 from semrl.errors import UsageError
-from semrl.ontology.network import DenseNetwork, features, spread
-from semrl.ontology.trees import Forest, Memory, relational_features
+from semrl.ontology.network import DenseNetwork, NetworkModel, features
+from semrl.ontology.trees import TreeModel
 from semrl.types import Floats, Ints, Transitions
 
 SIGNS: Ints = np.array([-1, 0, 1])
@@ -126,7 +126,7 @@ class RewardSVM:
         )
 
 
-class RewardNetwork:
+class RewardNetwork(NetworkModel):
     """A dense layer and a softmax over loss, nothing and gain.
 
     Parameters
@@ -142,12 +142,8 @@ class RewardNetwork:
     """
 
     def __init__(self, config: RewardConfig, dimension: int, n_actions: int, *, seed: int = 0) -> None:
-        self.config = config
-        self.dimension = dimension
-        self.n_actions = n_actions
-        n_inputs = 2 * dimension + n_actions
-        self.network = DenseNetwork(
-            n_inputs,
+        network = DenseNetwork(
+            2 * dimension + n_actions,
             config.hidden_units,
             len(SIGNS),
             layer_norm=config.layer_norm,
@@ -156,17 +152,16 @@ class RewardNetwork:
             batch_size=config.batch_size,
             seed=seed,
         )
-        self._centre = np.zeros(n_inputs, np.float32)
-        self._scale = np.ones(n_inputs, np.float32)
-        self.is_fitted = False
+        super().__init__(network, dimension, n_actions)
+        self.config = config
 
     def partial_fit(self, transitions: Transitions) -> Self:
         """Learn in one pass over some transitions; the inputs are scaled as in the first ones."""
-        rows = features(transitions.states, transitions.previous, transitions.actions, self.n_actions)
         if not self.is_fitted:
-            self._centre, self._scale = rows.mean(axis=0), spread(rows)
+            self._fit_scale(transitions)
+        rows = self._rows(transitions.states, transitions.previous, transitions.actions)
         wanted = np.sign(transitions.rewards).astype(np.int64) + 1
-        self.network.learn((rows - self._centre) / self._scale, wanted, functional.cross_entropy)
+        self.network.learn(rows, wanted, functional.cross_entropy)
         self.is_fitted = True
         return self
 
@@ -174,22 +169,10 @@ class RewardNetwork:
         """Return −1, 0 or 1 for each row, ``(b,)`` int64; 0 before anything was learned."""
         if not self.is_fitted:
             return np.zeros(len(states), np.int64)
-        rows = features(states, previous, actions, self.n_actions)
-        return _signs(self.network((rows - self._centre) / self._scale))
-
-    def to_arrays(self) -> Arrays:
-        """Return the network and its scales."""
-        own = {"centre": self._centre, "scale": self._scale, "is_fitted": np.array(self.is_fitted)}
-        return nest(network=self.network.to_arrays()) | own
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Go on exactly where `to_arrays` was called."""
-        self.network.from_arrays(unnest(arrays, "network"))
-        self._centre, self._scale = arrays["centre"], arrays["scale"]
-        self.is_fitted = bool(arrays["is_fitted"])
+        return _signs(self.network(self._rows(states, previous, actions)))
 
 
-class RewardTree:
+class RewardTree(TreeModel):
     """A regression tree for the sign of the reward, rounded.
 
     Parameters
@@ -203,32 +186,14 @@ class RewardTree:
     """
 
     def __init__(self, config: RewardConfig, dimension: int, n_actions: int) -> None:
+        super().__init__(dimension, n_actions, leaf_decisions=config.leaf_decisions, capacity=config.capacity)
         self.config = config
-        self.dimension = dimension
-        self.n_actions = n_actions
-        self.forest = Forest(config.leaf_decisions)
-        self.memory = Memory(config.capacity, dimension)
-
-    def partial_fit(self, transitions: Transitions) -> Self:
-        """Remember some transitions and, when there are enough new ones, grow the tree from all."""
-        if self.memory.add(transitions):
-            known = self.memory.transitions
-            rows = relational_features(known.states, known.previous, known.actions, self.n_actions)
-            self.forest.fit(rows, np.sign(known.rewards)[:, None])
-        return self
 
     def predict(self, states: Floats, previous: Floats, actions: Ints) -> Ints:
         """Return −1, 0 or 1 for each row, ``(b,)`` int64; 0 before anything was learned."""
-        if not self.memory.fitted_:
+        if not self.is_fitted:
             return np.zeros(len(states), np.int64)
-        rows = relational_features(states, previous, actions, self.n_actions)
-        return np.rint(self.forest(rows)[:, 0]).astype(np.int64)
+        return np.rint(self._ask(states, previous, actions)[:, 0]).astype(np.int64)
 
-    def to_arrays(self) -> Arrays:
-        """Return tree and memory."""
-        return nest(forest=self.forest.to_arrays(), memory=self.memory.to_arrays())
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Go on exactly where `to_arrays` was called."""
-        self.forest.from_arrays(unnest(arrays, "forest"))
-        self.memory.from_arrays(unnest(arrays, "memory"))
+    def _wanted(self, transitions: Transitions) -> Floats:
+        return np.sign(transitions.rewards)[:, None]

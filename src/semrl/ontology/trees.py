@@ -5,14 +5,15 @@ CART trees (Breiman et al. 1984) find such borders. They are fitted by scikit-le
 asks for hundreds of rows, a few at a time.
 """
 
-from typing import Any, Protocol, Self
+from abc import ABC, abstractmethod
+from typing import Any, Self
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 from sklearn.tree import DecisionTreeRegressor
 
-from semrl.arrays import Arrays
+from semrl.arrays import Arrays, nest, unnest
 from semrl.errors import UsageError
 from semrl.ontology.network import features
 from semrl.types import Floats, Ints, Transitions
@@ -21,20 +22,6 @@ MAX_DIMENSION = 32
 """Longest state that trees are fitted to; they look at all pairs of numbers."""
 GROWTH = 1.1
 """Trees are fitted anew when there is so many times as much to learn from."""
-
-
-class TreesConfig(Protocol):
-    """What trees need of a model's settings."""
-
-    @property
-    def leaf_decisions(self) -> int:
-        """Fewest decisions in a leaf."""
-        ...
-
-    @property
-    def capacity(self) -> int:
-        """Decisions remembered."""
-        ...
 
 
 def relational_features(states: Floats, previous: Floats, actions: Ints, n_actions: int) -> Floats:
@@ -142,6 +129,57 @@ class Memory:
         """Take over what `to_arrays` returned."""
         self.transitions = Transitions(**{name: arrays[name] for name in Transitions.__dataclass_fields__})
         self.seen_, self.fitted_ = (int(count) for count in arrays["counts"])
+
+
+class TreeModel(ABC):
+    """A model made of trees, grown anew from all that it remembers whenever there is a tenth more.
+
+    Parameters
+    ----------
+    dimension
+        Length of a state, at most 32.
+    n_actions
+        Number of actions.
+    leaf_decisions
+        Fewest decisions in a leaf.
+    capacity
+        Decisions remembered.
+    """
+
+    def __init__(self, dimension: int, n_actions: int, *, leaf_decisions: int, capacity: int) -> None:
+        self.dimension = dimension
+        self.n_actions = n_actions
+        self.forest = Forest(leaf_decisions)
+        self.memory = Memory(capacity, dimension)
+
+    @abstractmethod
+    def _wanted(self, transitions: Transitions) -> NDArray[Any]:
+        """Return what is to be predicted, ``(t, k)``."""
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether anything was learned yet."""
+        return self.memory.fitted_ > 0
+
+    def partial_fit(self, transitions: Transitions) -> Self:
+        """Remember some transitions and, when there are enough new ones, grow the trees from all."""
+        if self.memory.add(transitions):
+            known = self.memory.transitions
+            rows = relational_features(known.states, known.previous, known.actions, self.n_actions)
+            self.forest.fit(rows, self._wanted(known))
+        return self
+
+    def _ask(self, states: Floats, previous: Floats, actions: Ints) -> NDArray[np.float64]:
+        return self.forest(relational_features(states, previous, actions, self.n_actions))
+
+    def to_arrays(self) -> Arrays:
+        """Return trees and memory."""
+        return nest(forest=self.forest.to_arrays(), memory=self.memory.to_arrays())
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on exactly where `to_arrays` was called."""
+        self.forest.from_arrays(unnest(arrays, "forest"))
+        self.memory.from_arrays(unnest(arrays, "memory"))
 
 
 @numba.njit(cache=True)

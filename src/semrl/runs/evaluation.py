@@ -192,7 +192,15 @@ def evaluate(
                 on_step(episode, step)
             returns.append(step.total)
             on_episode(step.total)
-    result = EvaluationResult(
+    result = _summed_up(run, policy, returns)
+    provenance = {"decisions": player.decisions, "seed": seed, **asdict(player.config.evaluation)}
+    name = "evaluation.json" if policy == "agent" else f"evaluation-{policy}.json"
+    write_text(Path(run) / name, json.dumps(asdict(result) | {"with": provenance}, indent=2) + "\n")
+    return result
+
+
+def _summed_up(run: str | Path, policy: Policy, returns: list[float]) -> EvaluationResult:
+    return EvaluationResult(
         run=str(run),
         policy=policy,
         episodes=len(returns),
@@ -202,10 +210,6 @@ def evaluate(
         max=max(returns),
         returns=returns,
     )
-    provenance = {"decisions": player.decisions, "seed": seed, **asdict(player.config.evaluation)}
-    name = "evaluation.json" if policy == "agent" else f"evaluation-{policy}.json"
-    write_text(Path(run) / name, json.dumps(asdict(result) | {"with": provenance}, indent=2) + "\n")
-    return result
 
 
 def load_pipeline(run: str | Path) -> Pipeline:
