@@ -39,9 +39,10 @@ format: install  ## put the code in shape
 	$(BIN)/ruff format src tests benchmarks examples
 	$(BIN)/ruff check --fix src tests benchmarks examples
 
-bench: install  ## time every stage, and the training of every model
+bench: install  ## time every stage, the training of every model, and maps as they grow
 	$(BIN)/python benchmarks/stages.py
 	$(BIN)/python benchmarks/training.py
+	$(BIN)/python benchmarks/maps.py
 
 clean:  ## remove what is made again
 	rm -rf .venv build src/*.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
