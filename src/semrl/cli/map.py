@@ -9,7 +9,6 @@ import tyro
 
 from semrl.cli.arguments import parse
 from semrl.cli.progress import console, summary
-from semrl.errors import UsageError
 from semrl.ontology.description import MapDescription, describe
 from semrl.runs import LoadedMap, load_map
 from semrl.runs.files import require_writable, write_atomic
@@ -38,7 +37,7 @@ def main(argv: Sequence[str]) -> None:
     arguments = parse(MapArguments, argv, command="map")
     if arguments.export:
         _check(arguments.export)  # what cannot be written is told before a large run is loaded
-    loaded = load(arguments.run)
+    loaded = load_map(arguments.run)
     described = describe(loaded.graph)
     if arguments.export:
         _export(loaded, arguments.export)
@@ -48,20 +47,6 @@ def main(argv: Sequence[str]) -> None:
     console.print(summary(_as_rows(described)))
     if arguments.export:
         console.print(f"written: {arguments.export}", soft_wrap=True, markup=False, highlight=False)
-
-
-def load(run: Path) -> LoadedMap:
-    """Load the map of a run.
-
-    Raises
-    ------
-    UsageError
-        When there is no such run, it has no map, or nothing is on it.
-    """
-    loaded = load_map(run)
-    if not len(loaded.graph):
-        raise UsageError(f"the map of {run} is empty: no episode has ended yet; train for longer")
-    return loaded
 
 
 def _check(path: Path) -> None:

@@ -10,10 +10,10 @@ from rich.table import Table
 from rich.text import Text
 
 from semrl.cli.arguments import parse
-from semrl.cli.map import load
 from semrl.cli.progress import console, error_console
 from semrl.ontology.asking import Answer, Limits, ask
 from semrl.ontology.knowledge import to_store
+from semrl.runs import load_map
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +49,7 @@ def main(argv: Sequence[str]) -> None:
     """Parse, ask, tell."""
     arguments = parse(QueryArguments, argv, command="query")
     limits = Limits(rows=arguments.rows, seconds=arguments.seconds)
-    loaded = load(arguments.run)
+    loaded = load_map(arguments.run)
     answer = ask(to_store(loaded.graph, loaded.action_names), arguments.query, limits)
     if arguments.json:
         print(json_format.dumps({"run": str(arguments.run), **_as_json(answer)}))
