@@ -7,11 +7,11 @@ hash, ``dab5edac…``, is the 128-bit BLAKE2b digest of ``811111``: an object of
 of class 1, their labels sorted and written one after the other, which is how networkx hashes subgraphs.
 """
 
-import hashlib
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
+from semrl.embedding.neighbourhoods import neighbourhood_labels
 from semrl.errors import UsageError
 from semrl.types import SceneGraph
 
@@ -104,11 +104,7 @@ def position_words(number: int, row: int, column: int, config: WordsConfig) -> t
 
 
 def wl_hashes(graph: SceneGraph, iterations: int) -> list[tuple[str, ...]]:
-    """Hash the surroundings of each object (Weisfeiler and Lehman; §3.2.3, Fig. 3.7).
-
-    An object's label is its class number at first. Each iteration replaces it by the hash of itself and
-    the sorted labels of the neighbours, so that after ``k`` iterations it tells what lies within ``k``
-    edges. The hashes do not depend on the process, the order of objects or the lengths of edges.
+    """Hash the surroundings of each object, as `neighbourhood_labels` does, and write the hashes as text.
 
     Parameters
     ----------
@@ -122,21 +118,5 @@ def wl_hashes(graph: SceneGraph, iterations: int) -> list[tuple[str, ...]]:
     list of tuple of str
         For each of ``n`` objects its hashes, 32 hexadecimal digits each, one an iteration.
     """
-    neighbours: list[list[int]] = [[] for _ in range(len(graph))]
-    for first, second in graph.edges.tolist():
-        neighbours[first].append(second)
-        neighbours[second].append(first)
-    labels = [str(number) for number in graph.classes.tolist()]
-    history = []
-    for _ in range(iterations):
-        labels = [
-            _hash_label(label + "".join(sorted([labels[other] for other in others])))
-            for label, others in zip(labels, neighbours, strict=True)
-        ]
-        history.append(labels)
-    return list(zip(*history, strict=True)) if history else [()] * len(graph)
-
-
-@lru_cache(maxsize=1 << 14)
-def _hash_label(label: str) -> str:
-    return hashlib.blake2b(label.encode("ascii"), digest_size=16).hexdigest()
+    labels = neighbourhood_labels(graph, iterations)
+    return [tuple(label.tobytes().decode("ascii") for label in one) for one in labels]
