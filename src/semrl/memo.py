@@ -28,14 +28,14 @@ class Memo:
     width
         Integers in one key.
     most_entries
-        Entries at which it is emptied; one call with more keys than that makes it larger.
+        Entries at which it is emptied, `MOST_ENTRIES` if not given; one call with more keys than that makes it larger.
     """
 
     def __init__(
-        self, function: Callable[[NDArray[np.int64]], NDArray[Any]], width: int, most_entries: int = MOST_ENTRIES
+        self, function: Callable[[NDArray[np.int64]], NDArray[Any]], width: int, most_entries: int | None = None
     ) -> None:
         self.function = function
-        self._keys = np.zeros((most_entries, width), np.int64)
+        self._keys = np.zeros((most_entries or MOST_ENTRIES, width), np.int64)
         self._values: NDArray[Any] | None = None  # (most_entries, ...), once it is known what they are
         self.clear()
 

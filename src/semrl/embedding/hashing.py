@@ -5,22 +5,23 @@ scale multitask learning", ICML 2009). Inner products of the vectors are, in exp
 function, those of the scenes' word counts. Nothing is learned, so nothing can drift.
 """
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
+from numba import njit
 
 from semrl.arrays import Arrays
-from semrl.embedding.words import WordsConfig, position_words, wl_hashes
+from semrl.embedding.word_hashes import Hashes, WordHasher
+from semrl.embedding.words import WordsConfig
 from semrl.errors import UsageError
+from semrl.memo import Memo
 from semrl.types import Floats, Ints, SceneGraph
 
 MAX_SPREAD_PX = 32.0
 
-_CACHE_ENTRIES = 1 << 15
-"""Entries at which a cache is emptied; Pong needs about 3,000."""
+compiled = njit(cache=True, nogil=True)
 
 _ONE = 64
 """What a word of weight 1 adds: sums are of integers, so that their order does not matter to the last bit."""
@@ -81,9 +82,8 @@ class HashedEmbedding:
         self._class_weight = round(_ONE * length)
         self._hash_weight = round(_ONE * length * self.config.neighbourhood_weight)
         self._scale = np.float32(1 / (_ONE * length * np.sqrt(max(self.config.words.words_per_object, 1))))
-        self._salt = self.config.seed.to_bytes(8, "little")
-        self._objects: dict[tuple[int, float, float], Ints] = {}  # class, row, column → its words' signed sum
-        self._words: dict[str, int] = {}  # word → component, plus dimension if its sign is −1
+        self._hasher = WordHasher(self.config.words, self.config.seed)
+        self._objects = Memo(self._sum_objects, width=3)  # class, doubled row and column → its words' signed sum
 
     @property
     def documents_needed(self) -> int:
@@ -115,17 +115,11 @@ class HashedEmbedding:
         ndarray
             ``(dimension,)`` float32; zeros for a scene without objects.
         """
-        if len(self._objects) > _CACHE_ENTRIES:
-            self._objects.clear()
-        hashes = [word for words in wl_hashes(graph, self.config.words.wl_iterations) for word in words]
-        total = self._hash_weight * self._count(hashes)
-        centres = (graph.centres_px * 2).round() / 2
-        for number, (row, column) in zip(graph.classes.tolist(), centres.tolist(), strict=True):
-            place = (number, row, column)
-            vector = self._objects.get(place)
-            if vector is None:
-                vector = self._objects[place] = self._object(*place)
-            total += vector
+        halves = np.rint(graph.centres_px * 2).astype(np.int64)  # (n, 2), in half pixels
+        sums, places = self._objects.look_up(np.column_stack([graph.classes, halves]))
+        total = add_rows(sums, places)
+        if self._hash_weight:
+            add_words(total, self._hasher.surroundings(graph), self._hash_weight)
         return total.astype(np.float32) * self._scale
 
     def to_arrays(self) -> Arrays:
@@ -135,35 +129,41 @@ class HashedEmbedding:
     def from_arrays(self, arrays: Arrays) -> None:
         """Take over nothing."""
 
-    def _object(self, number: int, row: float, column: float) -> Ints:
-        """Sum the words of an object, those of its position spread over the neighbouring ones."""
+    def _sum_objects(self, keys: Ints) -> Ints:
+        """Sum the words of each of ``(k, 3)`` objects, ``(k, dimension)``."""
+        sums = np.zeros((len(keys), self.dimension), np.int64)
+        for total, (number, row, column) in zip(sums, keys.tolist(), strict=True):
+            self._sum_object(total, number, row / 2, column / 2)
+        return sums
+
+    def _sum_object(self, total: Ints, number: int, row: float, column: float) -> None:
+        """Add the words of an object, those of its position spread over the neighbouring ones."""
         rows, row_weights = _window(row, self.config.spread_px)
         columns, column_weights = _window(column, self.config.spread_px)
-        total = np.zeros(self.dimension, dtype=np.int64)
-        for r, row_weight in zip(rows, row_weights, strict=True):
-            for c, column_weight in zip(columns, column_weights, strict=True):
-                words = position_words(number, r, c, self.config.words)
-                total += _ONE * row_weight * column_weight * self._count(words[1:])
-        return total + self._class_weight * self._count((str(number),))
+        places = np.array([(r, c) for r in rows for c in columns])  # (p, 2)
+        weights = _ONE * np.outer(row_weights, column_weights).ravel()  # (p,)
+        words = self._hasher.places(np.full(len(places), number), places)  # (p, w)
+        for word_hashes, weight in zip(words, weights.tolist(), strict=True):
+            add_words(total, word_hashes[None, 1:], weight)
+        add_words(total, words[:1, :1], self._class_weight)
 
-    def _count(self, words: Sequence[str]) -> Ints:
-        """Return the signed sum of hashed words, ``(dimension,)``."""
-        if len(self._words) > _CACHE_ENTRIES:
-            self._words.clear()
-        slots = []
-        for word in words:
-            slot = self._words.get(word)
-            if slot is None:
-                slot = self._words[word] = self._slot(word)
-            slots.append(slot)
-        counts = np.bincount(np.array(slots, dtype=np.int64), minlength=2 * self.dimension)
-        return counts[: self.dimension] - counts[self.dimension :]
 
-    def _slot(self, word: str) -> int:
-        """Return where a word counts: its component, plus ``dimension`` if its sign is −1."""
-        digest = hashlib.blake2b(word.encode(), digest_size=8, salt=self._salt).digest()
-        index, negative = divmod(int.from_bytes(digest, "little"), 2)
-        return index % self.dimension + self.dimension * negative
+@compiled
+def add_rows(sums: Ints, places: Ints) -> Ints:
+    """Sum the named rows of ``(c, dimension)`` sums."""
+    total = np.zeros(sums.shape[1], np.int64)
+    for place in places:
+        total += sums[place]
+    return total
+
+
+@compiled
+def add_words(total: Ints, hashes: Hashes, weight: int) -> None:
+    """Count words: the lowest bit of a word's hash is its sign, the others say which component it adds to."""
+    dimension = np.uint64(len(total))
+    for word_hash in hashes.ravel():
+        component = (word_hash >> np.uint64(1)) % dimension
+        total[component] += -weight if word_hash & np.uint64(1) else weight
 
 
 def _window(centre_px: float, spread_px: float) -> tuple[list[int], list[int]]:
