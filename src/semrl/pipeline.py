@@ -132,8 +132,9 @@ class Pipeline:
 
     def shown(self, classes: Ints) -> Ints:
         """Return which objects of a frame are part of the scene: all, or all but scenery."""
-        omitted = self.scenery.still_ if self.config.scene.omit_scenery else ()
-        return np.flatnonzero(~np.isin(classes, omitted))
+        if not self.config.scene.omit_scenery:
+            return np.arange(len(classes))
+        return np.flatnonzero(~self.scenery.is_still(classes))
 
     def to_arrays(self) -> Arrays:
         """Return what every box has learned."""

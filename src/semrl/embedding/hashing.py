@@ -10,18 +10,17 @@ from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
-from numba import njit
 
 from semrl.arrays import Arrays
 from semrl.embedding.word_hashes import Hashes, WordHasher
 from semrl.embedding.words import WordsConfig
 from semrl.errors import UsageError
+from semrl.kernels import compiled
 from semrl.memo import Memo
 from semrl.types import Floats, Ints, SceneGraph
 
 MAX_SPREAD_PX = 32.0
 
-compiled = njit(cache=True, nogil=True)
 
 _ONE = 64
 """What a word of weight 1 adds: sums are of integers, so that their order does not matter to the last bit."""

@@ -1,16 +1,15 @@
 """What each object is surrounded by, as compiled hashes (Weisfeiler and Lehman; §3.2.3, Fig. 3.7)."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from semrl.embedding.blake2 import blake2b
+from semrl.kernels import compiled
 from semrl.types import Ints, SceneGraph
 
 LABEL_BYTES = 32
 """Length of a hash in hexadecimal digits; a class number is never longer."""
 
-compiled = njit(cache=True, nogil=True)
 
 _DIGITS = np.frombuffer(b"0123456789abcdef", np.uint8)
 _NO_SALT = np.uint64(0)
