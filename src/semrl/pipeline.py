@@ -3,6 +3,7 @@
 frame ─ grey image ─ objects ─ reduced objects ─ classes ─ scene graph ─ vector
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -24,7 +25,7 @@ from semrl.embedding import (
 from semrl.protocols import Embedder
 from semrl.reduction import ObjectPCA, PCAConfig
 from semrl.state import ram_feature_names, ram_features, to_grey
-from semrl.types import IMAGE_SIZE_PX, Image, Ints, Objects, Observation, SceneGraph
+from semrl.types import IMAGE_SIZE_PX, Floats, Image, Ints, Objects, Observation, SceneGraph
 
 View = Literal["grey", "components", "classes", "embedding", "ram"]
 """What is shown to the agent: how far up a frame is elevated."""
@@ -115,6 +116,20 @@ class Pipeline:
             return self.class_image(self.detector.detect(image))
         return self.embedder.transform(self.scene(image))
 
+    def encode_batch(self, observations: Sequence[Observation]) -> NDArray[Any]:
+        """Elevate one observation of each of several environments, to the same bits as one by one.
+
+        Returns
+        -------
+        ``(len(observations), *shape)`` of ``dtype``.
+        """
+        if self.view != "embedding":
+            encoded = [self.encode(observation) for observation in observations]
+        else:
+            frames = [self.detector.detect(to_grey(observation.frame)) for observation in observations]
+            encoded = [self.embedder.transform(scene) for scene in self._scenes(frames)]
+        return np.array(encoded, self.dtype).reshape(len(observations), *self.shape)
+
     def classes(self, objects: Objects) -> Ints:
         """Return the class number of each object (§3.2.2)."""
         return self.birch.predict(self.pca.transform(objects.features)) if len(objects) else np.empty(0, np.int64)
@@ -126,15 +141,25 @@ class Pipeline:
     def scene(self, image: Image) -> SceneGraph:
         """Write a grey image as a scene graph (§3.2.3)."""
         objects = self.detector.detect(image)
-        classes = self.classes(objects)
-        shown = self.shown(classes)
-        return build_scene_graph(classes[shown], objects.centres_px[shown], self.config.scene.proximity_px)
+        return self._graph(self.classes(objects), objects.centres_px)
 
     def shown(self, classes: Ints) -> Ints:
         """Return which objects of a frame are part of the scene: all, or all but scenery."""
         if not self.config.scene.omit_scenery:
             return np.arange(len(classes))
         return np.flatnonzero(~self.scenery.is_still(classes))
+
+    def _scenes(self, frames: Sequence[Objects]) -> list[SceneGraph]:
+        """Write the objects of several frames as scene graphs; all are classified together."""
+        if not sum(map(len, frames)):
+            return [self._graph(np.empty(0, np.int64), objects.centres_px) for objects in frames]
+        reduced = self.pca.transform(np.concatenate([objects.features for objects in frames]))
+        classes = np.split(self.birch.predict(reduced), np.cumsum([len(objects) for objects in frames])[:-1])
+        return [self._graph(own, objects.centres_px) for own, objects in zip(classes, frames, strict=True)]
+
+    def _graph(self, classes: Ints, centres_px: Floats) -> SceneGraph:
+        shown = self.shown(classes)
+        return build_scene_graph(classes[shown], centres_px[shown], self.config.scene.proximity_px)
 
     def to_arrays(self) -> Arrays:
         """Return what every box has learned."""

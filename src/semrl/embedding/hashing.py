@@ -135,8 +135,10 @@ class HashedEmbedding:
         places = np.empty((n, width, width, 2), np.int64)
         places[..., 0], places[..., 1] = positions[:, 0, :, None], positions[:, 1, None, :]
         words = self._hasher.places(np.repeat(keys[:, 0], width * width), places.reshape(-1, 2))
-        both = (weights[:, 0, :, None] * weights[:, 1, None, :]).reshape(n, -1)
-        return sum_spread(words.reshape(n, width * width, words.shape[1]), _ONE * both, self._class_weight, self.dimension)
+        both = (weights[:, 0, :, None] * weights[:, 1, None, :]).reshape(n, width * width)
+        return sum_spread(
+            words.reshape(n, width * width, words.shape[1]), _ONE * both, self._class_weight, self.dimension
+        )
 
 
 @compiled
