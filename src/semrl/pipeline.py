@@ -22,10 +22,11 @@ from semrl.embedding import (
     Scenery,
     build_scene_graph,
 )
+from semrl.memo import Memo
 from semrl.protocols import Embedder
 from semrl.reduction import ObjectPCA, PCAConfig
 from semrl.state import ram_feature_names, ram_features, to_grey
-from semrl.types import IMAGE_SIZE_PX, Floats, Image, Ints, Objects, Observation, SceneGraph
+from semrl.types import IMAGE_SIZE_PX, Image, Ints, Objects, Observation, SceneGraph
 
 View = Literal["grey", "components", "classes", "embedding", "ram"]
 """What is shown to the agent: how far up a frame is elevated."""
@@ -88,6 +89,8 @@ class Pipeline:
         self.pca = ObjectPCA(config.pca)
         self.birch = Birch(config.birch)
         self.scenery = Scenery()
+        self._kinds = Memo(self._classify, self.detector.crop_size_px**2, np.int32)  # the bits of a crop → its class
+        self._kinds_learned: tuple[object, object] | None = None
         # Doc2vec needs an extra: do not ask for it where nothing is embedded.
         needs_doc2vec = view == "embedding" and config.embedding == "doc2vec"
         self.embedder: Embedder = Doc2VecEmbedding(config.doc2vec) if needs_doc2vec else HashedEmbedding(config.hashed)
@@ -123,16 +126,25 @@ class Pipeline:
         -------
         ``(len(observations), *shape)`` of ``dtype``.
         """
-        if self.view != "embedding":
-            encoded = [self.encode(observation) for observation in observations]
-        else:
-            frames = [self.detector.detect(to_grey(observation.frame)) for observation in observations]
-            encoded = [self.embedder.transform(scene) for scene in self._scenes(frames)]
-        return np.array(encoded, self.dtype).reshape(len(observations), *self.shape)
+        encoded = np.empty((len(observations), *self.shape), self.dtype)
+        for row, observation in zip(encoded, observations, strict=True):
+            row[...] = self.encode(observation)
+        return encoded
 
     def classes(self, objects: Objects) -> Ints:
-        """Return the class number of each object (§3.2.2)."""
-        return self.birch.predict(self.pca.transform(objects.features)) if len(objects) else np.empty(0, np.int64)
+        """Return the class number of each object (§3.2.2); what was seen before is remembered until more is learned."""
+        if not len(objects):
+            return np.empty(0, np.int64)
+        learned = self.pca.revision, self.birch.revision
+        if learned != self._kinds_learned:
+            self._kinds.clear()
+            self._kinds_learned = learned
+        known, places = self._kinds.look_up(objects.features.view(np.int32))
+        classes: Ints = known[places]
+        return classes
+
+    def _classify(self, crops: NDArray[np.int32]) -> Ints:
+        return self.birch.predict(self.pca.transform(crops.view(np.float32)))
 
     def class_image(self, objects: Objects) -> Image:
         """Draw every object in the grey level of its class."""
@@ -141,25 +153,15 @@ class Pipeline:
     def scene(self, image: Image) -> SceneGraph:
         """Write a grey image as a scene graph (§3.2.3)."""
         objects = self.detector.detect(image)
-        return self._graph(self.classes(objects), objects.centres_px)
+        classes = self.classes(objects)
+        shown = self.shown(classes)
+        return build_scene_graph(classes[shown], objects.centres_px[shown], self.config.scene.proximity_px)
 
     def shown(self, classes: Ints) -> Ints:
         """Return which objects of a frame are part of the scene: all, or all but scenery."""
         if not self.config.scene.omit_scenery:
             return np.arange(len(classes))
         return np.flatnonzero(~self.scenery.is_still(classes))
-
-    def _scenes(self, frames: Sequence[Objects]) -> list[SceneGraph]:
-        """Write the objects of several frames as scene graphs; all are classified together."""
-        if not sum(map(len, frames)):
-            return [self._graph(np.empty(0, np.int64), objects.centres_px) for objects in frames]
-        reduced = self.pca.transform(np.concatenate([objects.features for objects in frames]))
-        classes = np.split(self.birch.predict(reduced), np.cumsum([len(objects) for objects in frames])[:-1])
-        return [self._graph(own, objects.centres_px) for own, objects in zip(classes, frames, strict=True)]
-
-    def _graph(self, classes: Ints, centres_px: Floats) -> SceneGraph:
-        shown = self.shown(classes)
-        return build_scene_graph(classes[shown], centres_px[shown], self.config.scene.proximity_px)
 
     def to_arrays(self) -> Arrays:
         """Return what every box has learned."""

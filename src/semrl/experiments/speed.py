@@ -11,11 +11,12 @@ import itertools
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from semrl.embedding import HashedEmbedding, SceneGraphConfig, WordHasher, build_scene_graph
+from semrl.embedding import HashedEmbedding, WordHasher, build_scene_graph
 from semrl.errors import UsageError
 from semrl.experiments.peers import ThesisStack
 from semrl.pipeline import Pipeline
@@ -24,7 +25,7 @@ from semrl.runs.session import limited_threads
 from semrl.stability import StabilityConfig
 from semrl.stages import Schooling
 from semrl.state import Game, make_env, to_grey
-from semrl.types import IMAGE_SIZE_PX, Frame, Objects, Observation, SceneGraph
+from semrl.types import IMAGE_SIZE_PX, Frame, Observation, SceneGraph
 
 EMULATOR, ELEVATION, STACK, EMBEDDING = "emulator, 4 frames", "elevation", "thesis's stack", "embedding"
 
@@ -109,10 +110,12 @@ def measure_speed(config: SpeedConfig, *, peers: bool, say: Callable[[str], None
         say("learning to see")
         pipeline, play = learn_to_see(config.seed)
         frames = [seen.frame for seen in itertools.islice(play, config.frames)]
-        scenes = [pipeline.detector.detect(to_grey(frame)) for frame in frames]
-        say("training the thesis's stack" if peers else "measuring stages")
-        stack = ThesisStack(scenes) if peers else None
-        stages = [*upper_line(pipeline, play, frames), *(stack_stages(stack, scenes) if stack else [])]
+        stages = upper_line(pipeline, play, frames)
+        stack = None
+        if peers:
+            say("training the thesis's stack")
+            stack = ThesisStack(frames, pipeline.detector.threshold_, pipeline.detector.crop_size_px)
+            stages += stack_stages(stack, frames)
         say("measuring stages")
         times = medians(stages, config.rounds)
         say("measuring how the cost grows")
@@ -150,7 +153,7 @@ def upper_line(pipeline: Pipeline, play: Iterator[Observation], frames: Sequence
     classes = [pipeline.birch.predict(rows) for rows in reduced]
     graphs = [pipeline.scene(image) for image in images]
     hasher = WordHasher(pipeline.config.hashed.words)
-    proximity_px = pipeline.config.scene.proximity_px
+    join = partial(build_scene_graph, proximity_px=pipeline.config.scene.proximity_px)
     shown = [(graph.classes, graph.centres_px) for graph in graphs]
     seen = [Observation(frame=frame) for frame in frames]
     batches = [seen[i : i + BATCH] for i in range(0, len(seen) - BATCH + 1, BATCH)]
@@ -160,9 +163,10 @@ def upper_line(pipeline: Pipeline, play: Iterator[Observation], frames: Sequence
         Stage("grey image", to_grey, frames),
         Stage("objects", pipeline.detector.detect, images),
         Stage("reduced objects", pipeline.pca.transform, [found.features for found in objects]),
-        Stage("classes", pipeline.birch.predict, reduced),
+        Stage("classes of reduced objects", pipeline.birch.predict, reduced),
+        Stage("classes, remembered", pipeline.classes, objects),
         Stage("scenery", pipeline.shown, classes),
-        Stage("scene graph", lambda pair: build_scene_graph(*pair, proximity_px), shown),
+        Stage("scene graph", lambda pair: join(*pair), shown),
         Stage("words", hasher.sentences, graphs),
         Stage("words and vector", pipeline.embedder.transform, graphs),
         Stage(ELEVATION, pipeline.encode, seen),
@@ -186,16 +190,17 @@ class _Newborn:
         return self.pipeline.encode(observation)
 
 
-def stack_stages(stack: ThesisStack, scenes: Sequence[Objects]) -> list[Stage]:
+def stack_stages(stack: ThesisStack, frames: Sequence[Frame]) -> list[Stage]:
     """List what the thesis's libraries do, then the whole of it."""
-    classes = [stack.classify(objects) for objects in scenes]
-    pairs = [(own, objects.centres_px) for own, objects in zip(classes, scenes, strict=True)]
-    documents = [stack.describe(*pair) for pair in pairs]
+    objects = [stack.detect(frame) for frame in frames]
+    scenes = [(stack.classify(crops), centres_px) for crops, centres_px in objects]
+    documents = [stack.describe(*scene) for scene in scenes]
     return [
-        Stage("PCA and Birch, scikit-learn", stack.classify, scenes),
-        Stage("graph and words, networkx", lambda pair: stack.describe(*pair), pairs),
+        Stage("objects, OpenCV", stack.detect, frames),
+        Stage("classes, scikit-learn", stack.classify, [crops for crops, _ in objects]),
+        Stage("graph and words, networkx", lambda scene: stack.describe(*scene), scenes),
         Stage("vector, gensim", stack.infer, documents),
-        Stage(STACK, stack.elevate, scenes),
+        Stage(STACK, stack.elevate, frames),
     ]
 
 
@@ -224,8 +229,7 @@ def _by_objects(pipeline: Pipeline, stack: ThesisStack | None, config: SpeedConf
         seen = [Observation(frame=dotted_frame(count, rng)) for _ in range(GROWTH_FRAMES)]
         stages = [Stage(ELEVATION, whole.encode, seen)]
         if stack:
-            objects = [whole.detector.detect(to_grey(one.frame)) for one in seen]
-            stages.append(Stage(STACK, stack.elevate, objects[:1]))
+            stages.append(Stage(STACK, stack.elevate, [seen[0].frame]))
         found[count] = medians(stages, config.rounds)
     return found
 
@@ -252,7 +256,7 @@ def _vocabulary(words: int, rng: np.random.Generator) -> Stage:
 
     def draw() -> SceneGraph:
         classes, centres = rng.integers(KINDS, size=OBJECTS), rng.integers(edge, size=(OBJECTS, 2))
-        return build_scene_graph(classes, centres, SceneGraphConfig().proximity_px)
+        return build_scene_graph(classes, centres, 0.0)  # none joined: the smaller the place, the more would be
 
     for _ in range(MET_BEFORE):
         embedding.transform(draw())
