@@ -8,7 +8,6 @@ thread: a rate is per second of one core.
 """
 
 import itertools
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -19,6 +18,7 @@ import numpy as np
 from semrl.embedding import HashedEmbedding, WordHasher, build_scene_graph
 from semrl.errors import UsageError
 from semrl.experiments.peers import ThesisStack
+from semrl.experiments.timing import ELEVATION, EMBEDDING, EMULATOR, STACK, Speed, Stage, medians
 from semrl.pipeline import Pipeline
 from semrl.runs import preset
 from semrl.runs.session import limited_threads
@@ -26,8 +26,6 @@ from semrl.stability import StabilityConfig
 from semrl.stages import Schooling
 from semrl.state import Game, make_env, to_grey
 from semrl.types import IMAGE_SIZE_PX, Frame, Observation, SceneGraph
-
-EMULATOR, ELEVATION, STACK, EMBEDDING = "emulator, 4 frames", "elevation", "thesis's stack", "embedding"
 
 BATCH = 8
 """Environments whose frames are elevated together."""
@@ -57,36 +55,6 @@ class SpeedConfig:
     def __post_init__(self) -> None:
         if self.frames < 10 or self.rounds < 1:
             raise UsageError(f"frames must be 10 or more and rounds 1 or more, not {self.frames} and {self.rounds}")
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Speed:
-    """What was measured; times in seconds of one core.
-
-    Attributes
-    ----------
-    stages
-        By name: one call of each stage, the whole elevation among them.
-    by_objects
-        Objects in a frame → one elevation, and one pass of the thesis's stack where it was asked for.
-    by_vocabulary
-        Different words → signed hashing of one scene of `OBJECTS` objects.
-    """
-
-    stages: dict[str, float]
-    by_objects: dict[int, dict[str, float]]
-    by_vocabulary: dict[int, float]
-
-
-@dataclass(frozen=True, slots=True)
-class Stage:
-    """Something to be timed: a call for each of its inputs, and what comes before a pass."""
-
-    name: str
-    call: Callable[[Any], Any]
-    inputs: Sequence[Any]
-    prepare: Callable[[], Any] = lambda: None
-    frames: int = 1  # that one call takes
 
 
 def measure_speed(config: SpeedConfig, *, peers: bool, say: Callable[[str], None]) -> Speed:
@@ -202,20 +170,6 @@ def stack_stages(stack: ThesisStack, frames: Sequence[Frame]) -> list[Stage]:
         Stage("vector, gensim", stack.infer, documents),
         Stage(STACK, stack.elevate, frames),
     ]
-
-
-def medians(stages: Sequence[Stage], rounds: int) -> dict[str, float]:
-    """Let stages take turns; return the median time of one frame in each, in seconds of one core."""
-    times: dict[str, list[float]] = {stage.name: [] for stage in stages}
-    for stage in stages:
-        stage.call(stage.inputs[0])  # warm: compiled code, caches of libraries
-    for _, stage in itertools.product(range(rounds), stages):
-        stage.prepare()
-        start = time.process_time()
-        for given in stage.inputs:
-            stage.call(given)
-        times[stage.name].append((time.process_time() - start) / len(stage.inputs) / stage.frames)
-    return {name: float(np.median(values)) for name, values in times.items()}
 
 
 def _by_objects(pipeline: Pipeline, stack: ThesisStack | None, config: SpeedConfig) -> dict[int, dict[str, float]]:
