@@ -4,6 +4,7 @@ from semrl.embedding.doc2vec import Doc2VecConfig, Doc2VecEmbedding
 from semrl.embedding.hashing import HashedEmbedding, HashedEmbeddingConfig
 from semrl.embedding.scene_graph import SceneGraphConfig, build_scene_graph
 from semrl.embedding.scenery import Scenery
+from semrl.embedding.word_hashes import WordHasher, word_hash
 from semrl.embedding.words import WordsConfig, document, position_words, sentences, wl_hashes
 
 __all__ = [
@@ -13,10 +14,12 @@ __all__ = [
     "HashedEmbeddingConfig",
     "SceneGraphConfig",
     "Scenery",
+    "WordHasher",
     "WordsConfig",
     "build_scene_graph",
     "document",
     "position_words",
     "sentences",
     "wl_hashes",
+    "word_hash",
 ]
