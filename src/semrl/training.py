@@ -134,6 +134,7 @@ class Trainer:
 
     def _begin(self) -> "_Episode":
         observation = self.game.reset()
+        self.pipeline.begin_episode()
         seen = None if self.perceiving else self._see(observation, None)
         return _Episode(observation, None if seen is None else np.stack([seen, seen]))
 
@@ -144,8 +145,9 @@ class Trainer:
 
     def _perceive(self, episode: "_Episode") -> None:
         """Show perception one frame and act at random."""
-        stage = self.schooling.learn(episode.observation)
-        outcome = self.game.step(int(self._rng.integers(self.game.n_actions)))
+        stage = self.schooling.learn(episode.observation, episode.action)
+        episode.action = int(self._rng.integers(self.game.n_actions))
+        outcome = self.game.step(episode.action)
         self.decisions_ += 1
         episode.observation = outcome.observation
         if outcome.done or not self.perceiving:  # the agent begins with an episode of its own
@@ -196,6 +198,7 @@ class _Episode:
     def __init__(self, observation: Observation, state: NDArray[Any] | None) -> None:
         self.observation = observation
         self.state = state  # (2, *shape): what the agent is shown now and was shown before
+        self.action: int | None = None  # while perception learns, the one that led here
         self.total = 0.0
         self.length = 0
 
@@ -210,7 +213,8 @@ class _Episode:
     def to_arrays(self) -> Arrays:
         """Return everything but the observation, which the game keeps."""
         state = {} if self.state is None else {"state": self.state}
-        return {"total": np.array(self.total), "length": np.array(self.length), **state}
+        action = {} if self.action is None else {"action": np.array(self.action)}
+        return {"total": np.array(self.total), "length": np.array(self.length), **state, **action}
 
     @classmethod
     def from_arrays(cls, observation: Observation, arrays: Arrays) -> Self:
@@ -218,4 +222,5 @@ class _Episode:
         episode = cls(observation, arrays.get("state"))
         episode.total = float(arrays["total"])
         episode.length = int(arrays["length"])
+        episode.action = int(arrays["action"]) if "action" in arrays else None
         return episode
