@@ -15,12 +15,12 @@ NEVER = 1e6
 """What it costs to give a track a role that it cannot have."""
 
 _NAMES = ("classes", "means", "deviations", "moves")
-_WIDTH_PX, _WIDTH_COUNT = 20.0, 10
+_WIDTH_PX, _WIDTH_COUNT = 20.0, 30
 """Before a role was seen much it is believed to stay within such a deviation, as if seen so many times."""
 
 # In nats. Who has a role keeps it in doubt; a place five deviations off, or a class that was hardly ever seen in
 # the role together with a place or a motion that does not fit, rule a track out.
-_KEEPS, _RAREST_CLASS, _STRANGEST_MOTION, _MOST = 2.0, 6.0, 3.0, 8.0
+_KEEPS, _RAREST_CLASS, _STRANGEST_MOTION, _MOST = 2.0, 4.0, 4.0, 9.0
 
 
 class Known(NamedTuple):
@@ -147,9 +147,8 @@ def _costs(classes: Ints, centres: Floats, moves: Ints, ages: Ints, held: Ints, 
             motion = min(_misfit(moves[i], ages[i], known.mobilities[j]), _STRANGEST_MOTION)
             total = surprise + strange + motion
             if held[i] == known.roles[j]:
-                result[i, j] = min(total, _MOST) + width - _KEEPS
-            else:
-                result[i, j] = total + width if total <= _MOST else NEVER
+                total -= _KEEPS
+            result[i, j] = total + width if total <= _MOST else NEVER
     return result
 
 

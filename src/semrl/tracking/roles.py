@@ -9,6 +9,7 @@ from scipy.optimize import linear_sum_assignment
 
 from semrl.arrays import Arrays, nest, unnest
 from semrl.errors import DataError, UsageError
+from semrl.tracking.bonds import Bonds
 from semrl.tracking.following import MOVED_PX
 from semrl.tracking.habits import NEVER, Habits, costs
 from semrl.tracking.influence import Influence
@@ -25,6 +26,9 @@ LEAST_SEEN_SHARE = 0.02
 
 LEAST_INFLUENCE = 0.2
 """Share of the variance of a role's steps that the actions must explain, else it is not controlled."""
+
+FOUNDING_DECISIONS = 5
+"""A track without a role founds one when it was followed for so many decisions."""
 
 _MOST_ROLES = 64
 
@@ -71,6 +75,7 @@ class Roles:
         self.slots_: Ints = np.zeros(0, np.int64)
         self._habits = Habits()
         self._influence = Influence()
+        self._bonds = Bonds()
         self._known = self._habits.known(self.slots_)
 
     @property
@@ -123,7 +128,8 @@ class Roles:
             return self
         self.frames_ += 1
         roles = self.predict(tracks)
-        for i in np.flatnonzero(tracks.visible & (roles < 0) & (tracks.moves > 0)):
+        steady = (tracks.ages >= FOUNDING_DECISIONS) & (tracks.moves >= LEAST_MOVING_SHARE * tracks.ages)
+        for i in np.flatnonzero(tracks.visible & (roles < 0) & steady):
             if len(self._habits) < _MOST_ROLES:
                 roles[i] = len(self._habits)
                 self._habits.found()
@@ -132,6 +138,7 @@ class Roles:
         self._habits.count(tracks, shown, roles[shown], moved=np.hypot(*steps.T) > MOVED_PX)
         old = tracks.ages[shown] > 0
         self._influence.learn(action, roles[shown[old]], steps[old])
+        self._bonds.learn(roles[shown], tracks.centres_px[shown])
         if self.is_fitted:
             self.slots_ = self._give_slots()
         self._know()
@@ -176,7 +183,11 @@ class Roles:
         return {
             "frames": np.array(self.frames_),
             "slots": self.slots_.copy(),
-            **nest(habits=self._habits.to_arrays(), influence=self._influence.to_arrays()),
+            **nest(
+                habits=self._habits.to_arrays(),
+                influence=self._influence.to_arrays(),
+                bonds=self._bonds.to_arrays(),
+            ),
         }
 
     def from_arrays(self, arrays: Arrays) -> None:
@@ -185,14 +196,19 @@ class Roles:
         self.slots_ = arrays["slots"].copy()
         self._habits.from_arrays(unnest(arrays, "habits"))
         self._influence.from_arrays(unnest(arrays, "influence"))
+        self._bonds.from_arrays(unnest(arrays, "bonds"))
         self._know()
 
     def _give_slots(self) -> Ints:
-        """Choose the roles that move and are seen, those seen most, and order them by kind."""
+        """Choose the roles that move, those first that are controlled, then those seen most; order them by kind."""
         matter = (self.moving_ >= LEAST_MOVING_SHARE) & (self.seen_ >= LEAST_SEEN_SHARE)
-        chosen = np.flatnonzero(matter)
-        chosen = np.sort(chosen[np.argsort(-self.seen_[chosen], kind="stable")[: self.config.slots]])
-        return np.asarray(chosen[np.argsort(self.kinds_[chosen], kind="stable")])
+        joined = self._bonds.joined(len(self._habits))
+        chosen: list[int] = []
+        for role in np.lexsort((-self.seen_, ~self.controlled_)).tolist():
+            if matter[role] and not joined[role, chosen].any() and len(chosen) < self.config.slots:
+                chosen.append(role)
+        roles = np.sort(np.array(chosen, np.int64))
+        return np.asarray(roles[np.argsort(self.kinds_[roles], kind="stable")])
 
     def _know(self) -> None:
         """Note what tracks are measured against: all roles while they are learned, then those with slots."""
