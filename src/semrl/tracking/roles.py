@@ -27,8 +27,8 @@ LEAST_SEEN_SHARE = 0.02
 LEAST_INFLUENCE = 0.2
 """Share of the variance of a role's steps that the actions must explain, else it is not controlled."""
 
-FOUNDING_DECISIONS = 5
-"""A track without a role founds one when it was followed for so many decisions."""
+STEADY_DECISIONS = 5
+"""A track must have been followed for so many decisions to found a role or to shape one."""
 
 _MOST_ROLES = 64
 
@@ -128,12 +128,14 @@ class Roles:
             return self
         self.frames_ += 1
         roles = self.predict(tracks)
-        steady = (tracks.ages >= FOUNDING_DECISIONS) & (tracks.moves >= LEAST_MOVING_SHARE * tracks.ages)
-        for i in np.flatnonzero(tracks.visible & (roles < 0) & steady):
+        # What stands still has no part in it, or it would spoil the habits of a role that is free for a while.
+        steady = (tracks.ages >= STEADY_DECISIONS) & (tracks.moves >= LEAST_MOVING_SHARE * tracks.ages)
+        candidates = tracks.visible & steady
+        for i in np.flatnonzero(candidates & (roles < 0)):
             if len(self._habits) < _MOST_ROLES:
                 roles[i] = len(self._habits)
                 self._habits.found()
-        shown = np.flatnonzero(tracks.visible & (roles >= 0))
+        shown = np.flatnonzero(candidates & (roles >= 0))
         steps = tracks.velocities_px[shown]
         self._habits.count(tracks, shown, roles[shown], moved=np.hypot(*steps.T) > MOVED_PX)
         old = tracks.ages[shown] > 0
