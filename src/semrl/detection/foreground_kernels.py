@@ -151,4 +151,4 @@ def _draw(
             share = min(top + step[0], y + 1.0) - max(top, float(y))
             for x in range(max(int(left), 0), min(int(np.ceil(left + step[1])), window)):
                 cover = share * (min(left + step[1], x + 1.0) - max(left, float(x)))
-                crop[y, x] += cover * (1 + grey / 255) / 2
+                crop[y, x] += cover * (1 + grey / 64) / 5

@@ -21,7 +21,7 @@ class TrackingConfig:
     """Farthest from where it is expected that an object is still the same."""
     class_cost: float = 0.5
     """What another class costs, against 1 for lying at the gate."""
-    appearance_cost: float = 0.5
+    appearance_cost: float = 1.0
     """What another appearance costs, times the squared distance of the reduced objects, from 1 on no more."""
     unseen_decisions: int = 4
     """Decisions for which an object that is not seen is expected back."""

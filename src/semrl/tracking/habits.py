@@ -18,9 +18,15 @@ _NAMES = ("classes", "means", "deviations", "moves")
 _WIDTH_PX, _WIDTH_COUNT = 20.0, 30
 """Before a role was seen much it is believed to stay within such a deviation, as if seen so many times."""
 
-# In nats. Who has a role keeps it in doubt; a place five deviations off, or a class that was hardly ever seen in
-# the role together with a place or a motion that does not fit, rule a track out.
-_KEEPS, _RAREST_CLASS, _STRANGEST_MOTION, _MOST = 2.0, 4.0, 4.0, 9.0
+STEADY_DECISIONS = 5
+"""After so many decisions it shows whether a track moves."""
+
+LEAST_MOVING_SHARE = 0.1
+"""Share of the decisions at which it must have moved then, else it is scenery."""
+
+# In nats. Who has a role and is seen keeps it in doubt, whatever it looks like just now; who has it and is not seen
+# gives it up more easily. A newcomer must look and move alike; its place decides between several.
+_KEEPS, _GIVES_UP, _MOST_UNREST, _MOST_NEW = 2.0, 2.0, 4.0, 6.0
 
 
 class Known(NamedTuple):
@@ -129,26 +135,35 @@ def costs(tracks: Tracks, known: Known) -> NDArray[np.float64]:
 
     `NEVER` stands where a track cannot have a role.
     """
-    return _costs(tracks.classes, tracks.centres_px, tracks.moves, tracks.ages, tracks.roles, known)
+    return _costs(
+        tracks.classes, tracks.centres_px, tracks.moves, tracks.ages, tracks.unseen, tracks.roles, known
+    )
 
 
 @compiled
-def _costs(classes: Ints, centres: Floats, moves: Ints, ages: Ints, held: Ints, known: Known) -> NDArray[np.float64]:
+def _costs(
+    classes: Ints, centres: Floats, moves: Ints, ages: Ints, unseen: Ints, held: Ints, known: Known
+) -> NDArray[np.float64]:
     n_classes = known.surprises.shape[1]
     result = np.empty((len(classes), len(known.roles)))
     for i in range(result.shape[0]):
         for j in range(result.shape[1]):
-            surprise = min(known.surprises[j, min(classes[i], n_classes - 1)], _RAREST_CLASS)
             strange, width = 0.0, 0.0
             for axis in range(2):
                 away = centres[i, axis] - known.means_px[j, axis]
                 strange += 0.5 * away * away / known.variances[j, axis]
                 width += 0.5 * np.log(known.variances[j, axis])
-            motion = min(_misfit(moves[i], ages[i], known.mobilities[j]), _STRANGEST_MOTION)
-            total = surprise + strange + motion
+            unrest = min(_misfit(moves[i], ages[i], known.mobilities[j]), _MOST_UNREST)
             if held[i] == known.roles[j]:
-                total -= _KEEPS
-            result[i, j] = total + width if total <= _MOST else NEVER
+                total = strange + unrest + (_GIVES_UP if unseen[i] else -_KEEPS)
+                possible = moves[i] > 0 or ages[i] < STEADY_DECISIONS
+            else:
+                looks = unrest + known.surprises[j, min(classes[i], n_classes - 1)]
+                total = strange + looks
+                possible = looks <= _MOST_NEW and (
+                    moves[i] >= LEAST_MOVING_SHARE * ages[i] or ages[i] < STEADY_DECISIONS
+                )
+            result[i, j] = total + width if possible else NEVER
     return result
 
 

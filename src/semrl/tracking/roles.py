@@ -11,24 +11,18 @@ from semrl.arrays import Arrays, nest, unnest
 from semrl.errors import DataError, UsageError
 from semrl.tracking.bonds import Bonds
 from semrl.tracking.following import MOVED_PX
-from semrl.tracking.habits import NEVER, Habits, costs
+from semrl.tracking.habits import LEAST_MOVING_SHARE, NEVER, STEADY_DECISIONS, Habits, costs
 from semrl.tracking.influence import Influence
 from semrl.types import IMAGE_SIZE_PX, Floats, Ints, Tracks
 
 SLOT_NUMBERS = ("x", "y", "seen")
 """What is told of each slot."""
 
-LEAST_MOVING_SHARE = 0.1
-"""Share of the decisions at which a role must have moved, else it is told from scenery by nothing."""
-
 LEAST_SEEN_SHARE = 0.02
 """Share of the decisions at which a role must have been seen."""
 
 LEAST_INFLUENCE = 0.2
 """Share of the variance of a role's steps that the actions must explain, else it is not controlled."""
-
-STEADY_DECISIONS = 5
-"""A track must have been followed for so many decisions to found a role or to shape one."""
 
 _MOST_ROLES = 64
 
