@@ -1,5 +1,6 @@
 """Symbols for other people's agents: a Gymnasium wrapper around any environment with RGB frames."""
 
+import copy
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,8 +11,7 @@ from numpy.typing import NDArray
 from semrl.errors import UsageError
 from semrl.pipeline import Pipeline
 from semrl.runs import load_pipeline
-from semrl.state import to_grey
-from semrl.types import IMAGE_SIZE_PX
+from semrl.types import IMAGE_SIZE_PX, Observation
 
 
 class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.utils.RecordConstructorArgs):
@@ -23,11 +23,11 @@ class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.ut
         Its observations are RGB frames, ``(height, width, 3)`` uint8; `make_env` gives such
         environments with frame skip.
     encoder
-        Folder of a trained run with perception (model ``birch`` or ``semantic``; vectors need
-        ``semantic``), or its `Pipeline`.
+        Folder of a trained run with perception (model ``birch`` or ``semantic``; vectors need ``semantic``
+        or ``objects``), or its `Pipeline`, which stays as it is.
     output
-        ``"vector"``: the embedding of the scene and its difference to the previous one (§3.2.3),
-        ``(2 d,)`` float32. ``"labels"``: every pixel in the grey level of its object's class,
+        ``"vector"``: the embedding of the scene, or the slots of tracked objects, and its difference to the
+        previous one (§3.2.3), ``(2 d,)`` float32. ``"labels"``: every pixel in the grey level of its object's class,
         ``(84, 84, 1)`` uint8.
 
     Raises
@@ -48,14 +48,15 @@ class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.ut
         shape = env.observation_space.shape or ()
         if len(shape) != 3 or shape[2] != 3 or env.observation_space.dtype != np.uint8:
             raise UsageError(f"SemanticObservation needs RGB frames of uint8, got {env.observation_space}")
-        self.pipeline = encoder if isinstance(encoder, Pipeline) else load_pipeline(encoder)
+        # What was learned may be shared; the tracks of an episode may not.
+        self.pipeline = copy.copy(encoder) if isinstance(encoder, Pipeline) else load_pipeline(encoder)
         self.output = output
         self._previous: NDArray[np.float32] | None = None
         self._check_learned()
         if output == "labels":
             self.observation_space = gym.spaces.Box(0, 255, (IMAGE_SIZE_PX, IMAGE_SIZE_PX, 1), np.uint8)
         else:
-            size = (2 * self.pipeline.embedder.dimension,)
+            size = (2 * self.pipeline.shape[0],)
             self.observation_space = gym.spaces.Box(-np.inf, np.inf, size, np.float32)
 
     def reset(
@@ -63,30 +64,32 @@ class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.ut
     ) -> tuple[NDArray[Any], dict[str, Any]]:
         """Reset; the first difference is zero."""
         self._previous = None
+        self.pipeline.begin_episode()
         return super().reset(seed=seed, options=options)
 
     def observation(self, observation: NDArray[np.uint8]) -> NDArray[Any]:
         """Elevate one frame."""
-        image = to_grey(observation)
+        frame = Observation(frame=observation)
         if self.output == "labels":
-            return self.pipeline.class_image(self.pipeline.detector.detect(image))[:, :, None]
-        current = self.pipeline.embedder.transform(self.pipeline.scene(image))
+            return self.pipeline.class_image(self.pipeline.detect(frame))[:, :, None]
+        current = self.pipeline.encode(frame)
         previous = current if self._previous is None else self._previous
         self._previous = current
         return np.concatenate([current, current - previous])
 
     def _check_learned(self) -> None:
         """Complain of what was not learned; the embedding does so itself when it is shown a black frame."""
-        views = {"labels": ("classes", "embedding"), "vector": ("embedding",)}
+        views = {"labels": ("classes", "embedding"), "vector": ("embedding", "objects")}
         if self.output not in views:
             raise UsageError(f"output must be 'vector' or 'labels', not '{self.output}'")
         if self.pipeline.view not in views[self.output]:
             raise UsageError(
                 f"output '{self.output}' needs perception of a run of model 'semantic'"
-                f"{' or birch' if self.output == 'labels' else ''}; this one sees '{self.pipeline.view}'"
+                f" or '{'birch' if self.output == 'labels' else 'objects'}'; this one sees '{self.pipeline.view}'"
             )
         p = self.pipeline
-        if not (p.detector.is_fitted and p.pca.is_fitted and p.birch.n_leaves_):
+        detects = p.roles.is_fitted if p.view == "objects" else p.detector.is_fitted
+        if not (detects and p.pca.is_fitted and p.birch.n_leaves_):
             raise UsageError("this perception has not learned to tell objects apart yet: the run needs more frames")
-        if self.output == "vector":
+        if p.view == "embedding" and self.output == "vector":
             p.embedder.transform(p.scene(np.zeros((IMAGE_SIZE_PX, IMAGE_SIZE_PX), dtype=np.uint8)))

@@ -102,19 +102,22 @@ class Pipeline:
         # Doc2vec needs an extra: do not ask for it where nothing is embedded.
         needs_doc2vec = view == "embedding" and config.embedding == "doc2vec"
         self.embedder: Embedder = Doc2VecEmbedding(config.doc2vec) if needs_doc2vec else HashedEmbedding(config.hashed)
-        if view in ("ram", "objects"):
-            self.shape: tuple[int, ...] = (len(self.names),)
-        else:
-            self.shape = (self.embedder.dimension,) if view == "embedding" else (IMAGE_SIZE_PX, IMAGE_SIZE_PX)
+        self.shape: tuple[int, ...] = (IMAGE_SIZE_PX, IMAGE_SIZE_PX)
+        if view == "ram":
+            self.shape = (len(self.names),)
+        elif view == "objects":
+            self.shape = (self.roles.dimension,)
+        elif view == "embedding":
+            self.shape = (self.embedder.dimension,)
         self.dtype = np.dtype(np.uint8 if len(self.shape) == 2 else np.float32)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the numbers of a vector, where they have names."""
+        """Names of the numbers of a vector, where they have names; of slots, only those that are in use."""
         if self.view == "ram":
             return ram_feature_names(self.rom)
         if self.view == "objects":
-            return tuple(f"slot {i} {name}" for i in range(self.config.roles.slots) for name in SLOT_NUMBERS)
+            return tuple(f"slot {i} {name}" for i in range(len(self.roles.slots_)) for name in SLOT_NUMBERS)
         return ()
 
     def begin_episode(self) -> None:

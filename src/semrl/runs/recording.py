@@ -87,6 +87,8 @@ class _Film:
     def on_step(self, episode: int, step: Step) -> None:
         if episode > 0 or self.n_frames >= MAX_VIDEO_FRAMES:
             return
+        if step.action is None:
+            self.pipeline.begin_episode()
         picture = compose(self.pipeline, step, self.n_frames)
         if self._file is None:
             self._file = iio.imopen(self.path, "w", plugin="pyav", extension=".mp4", container="mp4")
@@ -131,6 +133,8 @@ def _mark(frame: Frame, sight: Sight) -> Frame:
     for i, (top, left, height, width) in enumerate(np.rint(sight.boxes_px * per_px).astype(int).tolist()):
         end = (left + width, top + height)
         cv2.rectangle(large, (left - 1, top - 1), end, _colour(sight.classes, i), 2, cv2.LINE_AA)
+        if sight.names:
+            _write(large, sight.names[i], (min(end[0] + 6, large.shape[1] - 96), top + height // 2))
     return np.asarray(large, np.uint8)
 
 

@@ -73,6 +73,11 @@ class Roles:
         self._known = self._habits.known(self.slots_)
 
     @property
+    def dimension(self) -> int:
+        """Length of the vectors."""
+        return self.config.slots * len(SLOT_NUMBERS)
+
+    @property
     def is_fitted(self) -> bool:
         """Whether enough was seen to give slots."""
         return self.frames_ >= self.config.frames
