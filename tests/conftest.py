@@ -19,6 +19,8 @@ SETTINGS: dict[str, Any] = {
     "pipeline.hashed.dimension": 16,
     "pipeline.detection.threshold_frames": 4,
     "pipeline.scene.scenery_frames": 12,
+    "pipeline.foreground.background_frames": 12,
+    "pipeline.roles.frames": 30,
     "stability.batches": 4,
     "stability.max_batches": 12,
     "stability.max_difference": 0.0,  # never reached: PCA and Birch take 12 batches each
