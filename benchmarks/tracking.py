@@ -85,7 +85,7 @@ def main(arguments: Arguments) -> None:
             "decisions": arguments.decisions,
             "perception_decisions": learning,
             "rallies": int(recorded.rallies[-1]),
-            "slots": int(len(pipeline.roles.slots_)),
+            "slots": len(pipeline.roles.slots_),
             "objects": {name: score(recorded, pipeline, name) for name in OBJECTS},
             "microseconds": recorded.microseconds,
             "machine": machine.describe(),

@@ -126,7 +126,8 @@ class Tracks:
     @property
     def visible(self) -> NDArray[np.bool_]:
         """Whether each is seen, ``(n,)``."""
-        return self.unseen == 0
+        seen: NDArray[np.bool_] = self.unseen == 0
+        return seen
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -33,10 +33,10 @@ def vote(frame: Frame, background: Frame, votes: NDArray[np.int32]) -> None:
 @compiled
 def _differ(a: Frame, i: int, b: Frame, j: int, contrast: int) -> bool:
     """Whether pixel ``i`` of one frame and ``j`` of another, both ``(p, channels)``, have different colours."""
+    differ = False
     for k in range(a.shape[1]):
-        if abs(np.int32(a[i, k]) - np.int32(b[j, k])) > contrast:
-            return True
-    return False
+        differ |= abs(np.int32(a[i, k]) - np.int32(b[j, k])) > contrast
+    return differ
 
 
 @compiled
@@ -101,7 +101,7 @@ def find_components(frame: Frame, background: Frame, contrast: int) -> tuple[Pla
 
 
 @compiled
-def draw_objects(
+def draw_objects(  # noqa: PLR0917 - compiled functions take no keywords
     frame: Frame, places: Places, starts: Ints, ends: Ints, window_px: int, side_px: int
 ) -> tuple[Floats, Floats, Ints, NDArray[np.int32]]:
     """Measure and draw objects in units of a small image of `side_px` pixels a side; see `Objects`."""
@@ -130,7 +130,7 @@ def draw_objects(
 
 
 @compiled
-def _draw(
+def _draw(  # noqa: PLR0917
     frame: Frame,
     places: Places,
     middle: NDArray[np.float64],

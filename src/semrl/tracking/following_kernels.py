@@ -67,7 +67,9 @@ def match_costs(
 
 
 @compiled
-def move_on(tracks: State, seen: Seen, partners: Ints, born: int, longest: int, moved_px: float, last_px: int) -> State:
+def move_on(  # noqa: PLR0917 - compiled functions take no keywords
+    tracks: State, seen: Seen, partners: Ints, born: int, longest: int, moved_px: float, last_px: int
+) -> State:
     """Make the tracks of the next decision.
 
     Parameters
@@ -90,7 +92,7 @@ def move_on(tracks: State, seen: Seen, partners: Ints, born: int, longest: int, 
         if j >= 0:
             taken[j] = True
     kept = np.flatnonzero((partners >= 0) | (tracks.unseen < longest))
-    n_old, n = len(kept), len(kept) + np.sum(~taken)
+    n_old, n = len(kept), len(kept) + int(np.sum(~taken))
     after = State(
         np.empty(n, np.int64), np.empty(n, np.int64), np.empty((n, seen.features.shape[1]), np.float32),
         np.empty((n, 2), np.float32), np.empty((n, 4), np.int64), np.zeros((n, 2), np.float32),
@@ -100,11 +102,9 @@ def move_on(tracks: State, seen: Seen, partners: Ints, born: int, longest: int, 
         _keep(after, i, tracks, kept[i], last_px)
         if partners[kept[i]] >= 0:
             _find(after, i, tracks, kept[i], seen, partners[kept[i]], moved_px)
-    i = n_old
-    for j in np.flatnonzero(~taken):
-        after.ids[i] = born + i - n_old
-        _show(after, i, seen, j)
-        i += 1
+    for k, j in enumerate(np.flatnonzero(~taken)):
+        after.ids[n_old + k] = born + k
+        _show(after, n_old + k, seen, j)
     return after
 
 
@@ -122,7 +122,9 @@ def _keep(after: State, i: int, before: State, old: int, last_px: int) -> None:
 
 
 @compiled
-def _find(after: State, i: int, before: State, old: int, seen: Seen, j: int, moved_px: float) -> None:
+def _find(  # noqa: PLR0917
+    after: State, i: int, before: State, old: int, seen: Seen, j: int, moved_px: float
+) -> None:
     """Move a track to the object that it was found in."""
     step = seen.centres_px[j] - before.centres_px[old]
     gap = before.unseen[old]

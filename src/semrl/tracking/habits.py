@@ -135,13 +135,11 @@ def costs(tracks: Tracks, known: Known) -> NDArray[np.float64]:
 
     `NEVER` stands where a track cannot have a role.
     """
-    return _costs(
-        tracks.classes, tracks.centres_px, tracks.moves, tracks.ages, tracks.unseen, tracks.roles, known
-    )
+    return _costs(tracks.classes, tracks.centres_px, tracks.moves, tracks.ages, tracks.unseen, tracks.roles, known)
 
 
 @compiled
-def _costs(
+def _costs(  # noqa: PLR0917 - compiled functions take no keywords
     classes: Ints, centres: Floats, moves: Ints, ages: Ints, unseen: Ints, held: Ints, known: Known
 ) -> NDArray[np.float64]:
     n_classes = known.surprises.shape[1]
