@@ -121,3 +121,11 @@ def baseline_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("runs") / "baseline"
     train(path, tiny("baseline", frames=300))
     return path
+
+
+@pytest.fixture(scope="session")
+def objects_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished run that follows objects. Read only."""
+    path = tmp_path_factory.mktemp("runs") / "objects"
+    train(path, tiny("objects"))
+    return path

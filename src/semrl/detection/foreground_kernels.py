@@ -35,7 +35,8 @@ def _differ(a: Frame, i: int, b: Frame, j: int, contrast: int) -> bool:
     """Whether pixel ``i`` of one frame and ``j`` of another, both ``(p, channels)``, have different colours."""
     differ = False
     for k in range(a.shape[1]):
-        differ |= abs(np.int32(a[i, k]) - np.int32(b[j, k])) > contrast
+        if abs(np.int32(a[i, k]) - np.int32(b[j, k])) > contrast:
+            differ = True
     return differ
 
 

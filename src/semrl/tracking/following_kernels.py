@@ -99,9 +99,10 @@ def move_on(  # noqa: PLR0917 - compiled functions take no keywords
         np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n, np.int64), np.full(n, -1, np.int64),
     )  # fmt: skip
     for i in range(n_old):
-        _keep(after, i, tracks, kept[i], last_px)
-        if partners[kept[i]] >= 0:
-            _find(after, i, tracks, kept[i], seen, partners[kept[i]], moved_px)
+        old = int(kept[i])
+        _keep(after, i, tracks, old, last_px)
+        if partners[old] >= 0:
+            _find(after, i, tracks, old, seen, partners[old], moved_px)
     for k, j in enumerate(np.flatnonzero(~taken)):
         after.ids[n_old + k] = born + k
         _show(after, n_old + k, seen, j)
