@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from semrl.errors import UsageError
 from semrl.pipeline import Pipeline
 from semrl.runs import load_pipeline
-from semrl.state import to_grey
 from semrl.types import IMAGE_SIZE_PX, Observation
 
 

@@ -318,11 +318,14 @@ class Scenarios:
         ``(s, t, d)`` float32, the state that each action is predicted to lead to.
     rewards
         ``(s, t)`` float32, the predicted sign of each action's reward; where several models are asked, their mean.
+    values
+        ``(s,)`` float32, the discounted return that is expected beyond the last state; 0 where none is.
     """
 
     actions: Ints
     states: Floats
     rewards: Floats
+    values: Floats
 
     def __len__(self) -> int:
         return len(self.actions)
