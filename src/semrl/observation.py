@@ -130,7 +130,7 @@ class SemanticVectorObservation(gym.vector.VectorObservationWrapper):
 def _check_frames(space: gym.Space[Any]) -> None:
     shape = space.shape or ()
     if len(shape) != 3 or shape[2] != 3 or space.dtype != np.uint8:
-        raise UsageError(f"semantic observations need RGB frames of uint8, got {space}")
+        raise UsageError(f"a semantic observation needs RGB frames of uint8, got {space}")
 
 
 def _vector_space(pipeline: Pipeline) -> gym.spaces.Box:
