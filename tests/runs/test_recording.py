@@ -167,10 +167,9 @@ def test_the_command_makes_gallery_and_page(run, capsys):
 
 
 def test_slots_are_drawn_with_their_identities(objects_run):
-    player = load_player(objects_run)
+    player, pipeline = load_player(objects_run), load_player(objects_run).pipeline
+    pipeline.begin_episode()
     for i, step in enumerate(player.episode(0, 0)):
-        if step.action is None:
-            pipeline = load_player(objects_run).pipeline
         seen = sight.look(pipeline, step.observation)
         np.testing.assert_array_equal(seen.seen, step.state[0][: len(pipeline.names)])
         assert len(seen.names) == len(seen.boxes_px) == len(seen.classes) <= len(pipeline.roles.slots_)

@@ -102,10 +102,10 @@ def move_on(  # noqa: PLR0917 - compiled functions take no keywords
         old = int(kept[i])
         _keep(after, i, tracks, old, last_px)
         if partners[old] >= 0:
-            _find(after, i, tracks, old, seen, partners[old], moved_px)
+            _find(after, i, tracks, old, seen, int(partners[old]), moved_px)
     for k, j in enumerate(np.flatnonzero(~taken)):
         after.ids[n_old + k] = born + k
-        _show(after, n_old + k, seen, j)
+        _show(after, n_old + k, seen, int(j))
     return after
 
 
