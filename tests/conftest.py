@@ -116,6 +116,14 @@ def map_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def ram_map_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished run on an Atari game, with a map and without perception. Read only."""
+    path = tmp_path_factory.mktemp("runs") / "ram-map"
+    train(path, tiny("ram-map", frames=8000))
+    return path
+
+
+@pytest.fixture(scope="session")
 def baseline_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished run without perception. Read only."""
     path = tmp_path_factory.mktemp("runs") / "baseline"

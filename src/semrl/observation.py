@@ -124,6 +124,7 @@ class SemanticVectorObservation(gym.vector.VectorObservationWrapper):
         current = self.pipeline.encode_batch([Observation(frame=frame) for frame in observations])
         change = np.where(self._begins[:, None], np.float32(0), current - self._previous)
         self._previous = current
+        self._begins = np.zeros(len(current), np.bool_)
         return np.concatenate([current, change], axis=1)
 
 

@@ -22,14 +22,6 @@ STEPS = (0, 1, 6, 20, 41)
 
 
 @pytest.fixture(scope="module")
-def ram_map_run(tmp_path_factory, tiny):
-    """A finished run on an Atari game, with a map and without perception. Read only."""
-    path = tmp_path_factory.mktemp("runs") / "ram-map"
-    train(path, tiny("ram-map", frames=8000))
-    return path
-
-
-@pytest.fixture(scope="module")
 def hasty_run(tmp_path_factory, map_run):
     """The run with a map, but evaluated with half of its actions at random."""
     path = shutil.copytree(map_run, tmp_path_factory.mktemp("runs") / "hasty")

@@ -36,7 +36,7 @@ class TreesConfig:
     value_leaf_decisions: int = 20
     """The same for the return expected beyond a scenario, which is learned from those that came; 0: none is."""
     capacity: int = 100_000
-    """Decisions remembered."""
+    """Decisions remembered, the oldest episodes first to go."""
     first_decisions: int = 1_000
     """Decisions before trees are grown for the first time."""
     new_decisions: int = 300
