@@ -51,6 +51,7 @@ def test_the_models_of_table_4_1():
         "semantic": "embedding",
         "semantic-map": "embedding",
         "objects": "objects",
+        "objects-map": "objects",
         "ram": "ram",
         "ram-map": "ram",
     }

@@ -109,8 +109,8 @@ def corridor():
     return reasoner
 
 
-def test_the_models_of_table_4_1_that_reason():
-    assert MAP_MODELS == ("semantic-map", "ram-map")
+def test_the_models_that_reason():
+    assert MAP_MODELS == ("semantic-map", "ram-map", "objects-map")
 
 
 def test_the_map_of_the_corridor_is_the_corridor(corridor):

@@ -40,6 +40,7 @@ MODELS: dict[str, View] = {
     "semantic": "embedding",
     "semantic-map": "embedding",
     "objects": "objects",
+    "objects-map": "objects",
     "ram": "ram",
     "ram-map": "ram",
 }

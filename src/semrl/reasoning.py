@@ -25,8 +25,8 @@ from semrl.planner import LongTermConfig, ShortTermConfig, action_sequences, pla
 from semrl.protocols import WorldModel
 from semrl.types import Floats, Moment, Plan, Trajectory
 
-MAP_MODELS = ("semantic-map", "ram-map")
-"""The models of Table 4.1 that reason."""
+MAP_MODELS = ("semantic-map", "ram-map", "objects-map")
+"""The models that reason: two of Table 4.1, and one on tracked objects."""
 
 MEMORY_DECISIONS = 16
 """Past states and actions that a plan may look at."""

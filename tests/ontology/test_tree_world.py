@@ -106,6 +106,20 @@ def test_what_is_expected_beyond_is_the_return_that_came():
     assert not none.imagine(moment_of(test, 9), np.zeros((4, 5), np.int64)).values.any()
 
 
+def test_numbers_that_are_always_the_same_are_left_out_and_stay():
+    lived = [rally(300, seed) for seed in range(2)]
+    wide = [dataclasses.replace(part, states=np.insert(part.states, [0, 2], 7.0, axis=1)) for part in lived]
+    made, plain = TreeWorld(CONFIG, 5), TreeWorld(CONFIG, 3)
+    for one, other in zip(wide, lived, strict=True):
+        made.partial_fit(one)
+        plain.partial_fit(other)
+    assert made.varying_.tolist() == [1, 2, 4]
+    told, expected = (w.imagine(moment_of(p[0], 40), np.zeros((2, 9), int)) for w, p in ((made, wide), (plain, lived)))
+    np.testing.assert_array_equal(told.states[:, :, made.varying_], expected.states)
+    assert (told.states[:, :, [0, 3]] == 7).all()
+    np.testing.assert_array_equal(told.rewards, expected.rewards)
+
+
 def test_it_learns_while_the_episode_goes_on():
     made, episode = TreeWorld(CONFIG, 3), rally(200)
     for t in (30, 60, 70):

@@ -70,6 +70,11 @@ class TreeWorld:
     seed
         Of the draws that the forests are grown from.
 
+    Attributes
+    ----------
+    varying_ : ndarray
+        ``(k,)`` int64, the numbers of a state that are looked at: those that were not always the same.
+
     Raises
     ------
     UsageError
@@ -87,6 +92,7 @@ class TreeWorld:
         self.seed = seed
         self.experience = Experience(config.capacity, dimension)
         self.forests = Forests(config.members)
+        self.varying_ = np.arange(dimension)
         self.seen_ = 0
         self.grown_ = 0
 
@@ -111,11 +117,12 @@ class TreeWorld:
     def imagine(self, moment: Moment, sequences: Ints) -> Scenarios:
         """Roll ``(s, t)`` sequences of actions forward from a moment; rewards and values are the forests' mean."""
         unit, c = np.float32(self.config.resolution), self.config
-        states = np.rint(moment.window(c.past_states) / unit)
-        foreseen, rewards, values = self.forests.roll(states, moment.recent(c.past_actions), sequences)
-        return Scenarios(
-            actions=sequences, states=foreseen * unit, rewards=rewards.mean(axis=0), values=values.mean(axis=0)
-        )
+        window = np.rint(moment.window(c.past_states)[:, self.varying_] / unit)
+        foreseen, rewards, values = self.forests.roll(window, moment.recent(c.past_actions), sequences)
+        states = np.empty((*sequences.shape, moment.states.shape[1]), np.float32)
+        states[:] = moment.states[0]
+        states[:, :, self.varying_] = foreseen * unit
+        return Scenarios(actions=sequences, states=states, rewards=rewards.mean(axis=0), values=values.mean(axis=0))
 
     def rules(self, names: Sequence[str], actions: Sequence[str], *, most: int = 8) -> list[Rule]:
         """Say what the first forest has learned of each number, and of the reward, in so many rules each.
@@ -129,17 +136,18 @@ class TreeWorld:
         most
             Rules for each.
         """
-        columns = feature_names(names, self.config.past_states, self.config.past_actions)
+        varying = [names[i] for i in self.varying_.tolist()]
+        columns = feature_names(varying, self.config.past_states, self.config.past_actions)
         return [
             rule
-            for target, about in enumerate([*names, REWARD, RETURN])
+            for target, about in enumerate([*varying, REWARD, RETURN])
             for rule in read_rules(self.forests.tree(target), about, columns, actions, most=most)
         ]
 
     def to_arrays(self) -> Arrays:
         """Return trees and memory."""
-        counts = {"counts": np.array([self.seen_, self.grown_])}
-        return nest(forests=self.forests.to_arrays(), experience=self.experience.to_arrays()) | counts
+        own = {"counts": np.array([self.seen_, self.grown_]), "varying": self.varying_}
+        return nest(forests=self.forests.to_arrays(), experience=self.experience.to_arrays()) | own
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Go on exactly where `to_arrays` was called."""
@@ -149,6 +157,7 @@ class TreeWorld:
     def load(self, arrays: Arrays) -> None:
         """Take over the trees; enough to foresee."""
         self.forests.from_arrays(unnest(arrays, "forests"))
+        self.varying_ = arrays["varying"]
         self.seen_, self.grown_ = (int(count) for count in arrays["counts"])
 
     def _is_due(self, seen: int) -> bool:
@@ -168,10 +177,14 @@ class TreeWorld:
         self.grown_ = seen
 
     def _lessons(self, lived: Experience) -> tuple[Floats, NDArray[np.float64]]:
-        """Return what the trees see of every decision and what they are to predict: changes, reward and return."""
+        """Return what the trees see of every decision and what they are to predict: changes, reward and return.
+
+        Numbers that were always the same so far are left out.
+        """
         unit, c = np.float32(self.config.resolution), self.config
         windows, pasts, actions, rewards, following = lived.windows(c.past_states, c.past_actions)
-        windows = np.rint(windows / unit)
+        self.varying_ = np.flatnonzero(np.ptp(windows[:, 0], axis=0) > 0)
+        windows, following = np.rint(windows[:, :, self.varying_] / unit), following[:, self.varying_]
         changes = np.rint(following / unit) - windows[:, 0]
         signs = np.sign(rewards)
         returns = lived.returns(self.discount) if c.value_leaf_decisions else np.zeros_like(signs)
