@@ -119,10 +119,13 @@ def read_scores(path: Path) -> list[Score]:
     if not path.exists():
         return []
     try:
-        rows = list(csv.DictReader(path.read_text().splitlines()))
-        if any(tuple(row) != COLUMNS for row in rows):
+        text = path.read_text()
+        table = csv.DictReader(text.splitlines())
+        if tuple(table.fieldnames or ()) != COLUMNS:
             raise ValueError(f"it does not have the columns {', '.join(COLUMNS)}")
-        return [_score(row) for row in rows]
+        if not text.endswith("\n"):
+            raise ValueError("its last line is not whole")
+        return [_score(row) for row in table]
     except (OSError, ValueError, TypeError, csv.Error) as error:
         raise SemrlError(f"{path} is damaged: {error}") from None
 

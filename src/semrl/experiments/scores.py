@@ -34,7 +34,7 @@ RESAMPLES = 2000
 SWEEPS: dict[Scale, Sweep] = {
     "full": Sweep(frames=2_000_000, seeds={"thesis": ((0,), (0,)), "semrl": ((0,), (0, 1, 2))}),
     "quick": Sweep(
-        frames=24_000,
+        frames=32_000,
         seeds={"thesis": ((0,), (0,)), "semrl": ((0,), (0,))},
         overrides={
             "pipeline": {"doc2vec": {"documents": 1000}},
@@ -56,6 +56,7 @@ SWEEPS: dict[Scale, Sweep] = {
                 "scene": {"scenery_frames": 5},
             },
             "stability": {"batches": 5, "max_batches": 20},
+            "evaluation": {"max_noops": 0},
             "reasoning": {"short_term": {"depth": 1}},
             "models": {
                 "semantic-map": {
