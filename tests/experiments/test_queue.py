@@ -27,7 +27,7 @@ def test_a_sweep_is_all_its_runs():
     assert [run.model for run in runs[:7]] == list(MODELS)
     assert sorted(CHEAPEST) == sorted(MODELS)
     assert [run.id for run in cheapest_first(runs)][:5] == [
-        "thesis-ram-0", "semrl-ram-0", "semrl-ram-1", "semrl-ram-2", "thesis-semantic-0",
+        "thesis-ram-0", "semrl-ram-0", "semrl-ram-1", "semrl-ram-2", "thesis-ram-map-0",
     ]  # fmt: skip
 
 
