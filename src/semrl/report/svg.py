@@ -60,8 +60,8 @@ def _thousands(value: float, _: Any) -> str:
     """Write 12,500 as 12.5k and 2,000,000 as 2M."""
     for size, unit in ((1e6, "M"), (1e3, "k")):
         if abs(value) >= size:
-            return f"{value / size:g}{unit}"
-    return f"{value:g}"
+            return f"{value / size:g}{unit}".replace("-", "−")
+    return f"{value:g}".replace("-", "−")
 
 
 def as_svg(figure: Figure, title: str) -> Markup:
