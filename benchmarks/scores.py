@@ -7,8 +7,8 @@ models side by side if there are processors.
 """
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,10 @@ from rich.console import Console
 from rich.table import Table
 
 from semrl import evaluate, preset, train
+from semrl.reasoning import MAP_MODELS
 from semrl.runs import RunFolder
+from semrl.runs.files import write_text
+from semrl.runs.foresight import foresight
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +32,8 @@ class Arguments:
     """Models of Table 4.1."""
     seeds: tuple[int, ...] = (0, 1, 2)
     """Seeds of the runs."""
+    planner_episodes: int = 10
+    """Evaluation episodes that the planner plays alone, for models with a map."""
     preset: str = "semrl"
     """Named settings."""
     frames: int = 400_000
@@ -53,10 +58,7 @@ def score(arguments: Arguments, model: str, seed: int) -> dict[str, Any]:
     run = arguments.out / f"{model}-{seed}"
     config = preset(arguments.preset, model, {"frames": arguments.frames, "seed": seed})
     result = train(run) if run.exists() else train(run, config)
-    kept = run / "evaluation.json"
-    if not kept.exists():
-        evaluate(run)
-    tested = json.loads(kept.read_text())
+    tested = kept(run / "evaluation.json", lambda: evaluate(run))
     return {
         "model": model,
         "seed": seed,
@@ -66,15 +68,38 @@ def score(arguments: Arguments, model: str, seed: int) -> dict[str, Any]:
         **{key: tested[key] for key in ("mean", "std", "min", "max")},
         "minutes": round(result.seconds / 60, 1),
         "weights": RunFolder.open(run).manifest()["hashes"]["weights"][:8],
+        **(reasoning(arguments, run) if model in MAP_MODELS else {}),
     }
+
+
+def reasoning(arguments: Arguments, run: Path) -> dict[str, Any]:
+    """Test what a run foresees, and its planner alone."""
+    seen = kept(run / "foresight.json", lambda: write_text(run / "foresight.json", json.dumps(asdict(foresight(run)))))
+    planned = kept(
+        run / "evaluation-planner.json",
+        lambda: evaluate(run, episodes=arguments.planner_episodes, policy="planner"),
+    )
+    explained = {f"R2 at {horizon}": value for horizon, value in seen["explained"].items()}
+    alone = {f"planner {key}": planned[key] for key in ("mean", "min", "max")}
+    return {**explained, "balanced": seen["balanced_accuracy"], **alone}
+
+
+def kept(file: Path, make: Callable[[], object]) -> dict[str, Any]:
+    """Return what a file holds, which is made first where there is none."""
+    if not file.exists():
+        make()
+    told: dict[str, Any] = json.loads(file.read_text())
+    return told
 
 
 def table(rows: Sequence[dict[str, Any]]) -> Table:
     """Lay the rows out."""
-    columns = list(rows[0])
+    columns = list(dict.fromkeys(key for row in rows for key in row))
     laid = Table(*columns, box=None, padding=(0, 2, 0, 0))
     for row in rows:
-        laid.add_row(*(f"{row[key]:.2f}" if isinstance(row[key], float) else str(row[key]) for key in columns))
+        laid.add_row(
+            *(f"{row[key]:.2f}" if isinstance(row.get(key), float) else str(row.get(key, "")) for key in columns)
+        )
     return laid
 
 

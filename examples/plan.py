@@ -4,15 +4,18 @@ import tyro
 from state_map import ACTIONS, random_play
 
 from semrl.grounding import ground
-from semrl.ontology import NextStateConfig, RewardConfig, StateMapConfig
+from semrl.ontology import ModelPairConfig, NextStateConfig, RewardConfig, StateMapConfig
 from semrl.planner import ShortTermConfig, reason
 from semrl.reasoning import Reasoner, ReasoningConfig
+from semrl.types import Moment
 
 CONFIG = ReasoningConfig(
     state_map=StateMapConfig(node_threshold=0.03, edge_threshold=0.04),
-    next_state=NextStateConfig(hidden_units=(64,), learning_rate=1e-3, epochs=20, predict_change=True),
-    reward=RewardConfig(kind="network", epochs=20),
-    rehearsal_states=10_000,
+    models=ModelPairConfig(
+        next_state=NextStateConfig(hidden_units=(64,), learning_rate=1e-3, epochs=20, predict_change=True),
+        reward=RewardConfig(kind="network", epochs=20),
+        rehearsal_states=10_000,
+    ),
     short_term=ShortTermConfig(depth=3),
 )
 
@@ -22,13 +25,13 @@ def main(episodes: int = 100, decision: int = 24) -> None:
     reasoner = Reasoner(CONFIG, dimension=4, n_actions=len(ACTIONS), seed=0)
     for trajectory in random_play(episodes):
         reasoner.learn(trajectory)
-    plan = reasoner.plan(trajectory.states[[decision, decision - 1]])
+    plan = reasoner.plan(Moment(states=trajectory.states[[decision, decision - 1]]))
     assert plan is not None
     for i, actions in enumerate(plan.scenarios.actions):
         names = ", ".join(ACTIONS[action] for action in actions)
         print(f"{i + 1}. {names}: return {plan.returns[i]:.0f}, ends in node {plan.end_nodes[i]}")
     print(reason(plan))
-    goal = ground(plan, CONFIG.goal, hold_decisions=1, n_actions=len(ACTIONS))
+    goal = ground(plan, CONFIG.goal, n_actions=len(ACTIONS))
     print("the agent is told", *(f"{number:.2g}" for number in goal))
 
 

@@ -9,22 +9,40 @@ import torch
 from semrl.arrays import digest
 from semrl.errors import DataError, UsageError
 from semrl.grounding import GoalConfig
-from semrl.ontology import NextStateConfig, NextStateNetwork, RewardConfig, StateMapConfig
+from semrl.ontology import (
+    ModelPairConfig,
+    NextStateConfig,
+    NextStateNetwork,
+    RewardConfig,
+    StateMapConfig,
+    TreesConfig,
+)
 from semrl.planner import LongTermConfig, ShortTermConfig, plan_routes
 from semrl.reasoning import MAP_MODELS, Reasoner, ReasoningConfig
 from semrl.runs.metrics import COLUMNS
-from semrl.types import Trajectory
+from semrl.types import Moment, Trajectory
 
 CELLS, N_ACTIONS, D = 10, 3, 2
 CONFIG = ReasoningConfig(
     state_map=StateMapConfig(node_threshold=0.05, edge_threshold=0.05, reward_weight=10),
-    next_state=NextStateConfig(hidden_units=(32,), learning_rate=3e-3, batch_size=16, epochs=15, predict_change=True),
-    reward=RewardConfig(kind="network", hidden_units=(32,), learning_rate=1e-2, batch_size=16, epochs=15),
-    rehearsal_states=5000,
+    models=ModelPairConfig(
+        next_state=NextStateConfig(
+            hidden_units=(32,), learning_rate=3e-3, batch_size=16, epochs=15, predict_change=True
+        ),
+        reward=RewardConfig(kind="network", hidden_units=(32,), learning_rate=1e-2, batch_size=16, epochs=15),
+        rehearsal_states=5000,
+    ),
     short_term=ShortTermConfig(depth=3),
     discount=0.9,
 )
-THESIS = ReasoningConfig(next_state=NextStateConfig(hidden_units=(16,), epochs=3), short_term=ShortTermConfig(depth=2))
+THESIS = ReasoningConfig(
+    models=ModelPairConfig(next_state=NextStateConfig(hidden_units=(16,), epochs=3)),
+    short_term=ShortTermConfig(depth=2),
+)
+TREES = dataclasses.replace(
+    CONFIG, world="trees", trees=TreesConfig(members=2, resolution=0.5, first_decisions=30, new_decisions=10),
+    short_term=ShortTermConfig(depth=6, scenarios=16), planner_every=2,
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -48,12 +66,12 @@ def step(cell, action):
 def play(reasoner, rng, start, decisions=80):
     """An episode at random, as the trainer plays it; return what `end_episode` tells."""
     cell = start
-    seen = reasoner.beside_goal(state_of(cell), None)
+    seen = reasoner.think(state_of(cell))[0]
     for _ in range(decisions):
         action = int(rng.integers(N_ACTIONS))
         cell, reward = step(cell, action)
         reasoner.observe(seen, action, reward)
-        seen = reasoner.beside_goal(state_of(cell), seen)
+        seen = reasoner.think(state_of(cell))[0]
         if reward:
             break
     return reasoner.end_episode(seen)
@@ -67,6 +85,11 @@ def random_trajectory(seed, decisions=60, offset=0.0):
         actions=rng.integers(N_ACTIONS, size=decisions),
         rewards=rng.choice([-1, 0, 0, 0, 1], size=decisions).astype(np.float32),
     )
+
+
+def at(*states):
+    """Where a plan begins: the present state, and those before it."""
+    return Moment(states=np.stack(states))
 
 
 def new(config=CONFIG, seed=0):
@@ -105,60 +128,64 @@ def test_plans_alone_solve_the_corridor(corridor):
         cell, before, reward = start, start, 0.0
         for _ in range(20):
             if not reward:
-                plan = corridor.plan(np.stack([state_of(cell), state_of(before)]))
+                plan = corridor.plan(at(state_of(cell), state_of(before)))
                 (cell, reward), before = step(cell, int(plan.actions[0])), cell
         solved += reward == 1
     assert solved >= 8
 
 
 def test_a_plan_foresees_what_will_happen(corridor):
-    plan = corridor.plan(np.stack([state_of(7), state_of(7)]))
+    plan = corridor.plan(at(state_of(7), state_of(7)))
     assert plan.actions[:2].tolist() == [2, 2]
     np.testing.assert_allclose(plan.scenarios.states[0, :2], [state_of(8), state_of(9)], atol=0.3)
     assert plan.scenarios.rewards[0, 1] == 1 and plan.returns[0] >= CONFIG.discount
     graph = corridor.state_map.graph_
     assert graph.node_means[plan.path][:, 0].round().tolist() == [7, 8]
-    far = corridor.plan(np.stack([state_of(1), state_of(1)]))
+    far = corridor.plan(at(state_of(1), state_of(1)))
     assert graph.node_means[far.path][:, 0].round().tolist() == list(range(1, 9))
     assert far.actions.tolist() == [2, 2, 2] and far.progress[0] == 3 and far.returns[0] == 0
 
 
 def test_planning_learns_nothing(corridor):
     before = digest(corridor.to_arrays())
-    state = np.stack([state_of(3), state_of(4)])
-    first, again = corridor.goal(state), corridor.goal(state)
+    moment = at(state_of(3), state_of(4))
+    first, again = (corridor.goal(corridor.plan(moment)) for _ in range(2))
     np.testing.assert_array_equal(first, again)
-    assert digest(corridor.to_arrays()) == before and state.tolist() == [state_of(3).tolist(), state_of(4).tolist()]
+    assert digest(corridor.to_arrays()) == before
+    assert moment.states.tolist() == [state_of(3).tolist(), state_of(4).tolist()]
 
 
 def test_before_anything_was_learned_there_is_no_plan_and_the_goal_is_zero():
     reasoner = new()
-    state = np.stack([state_of(3), state_of(4)])
-    assert reasoner.plan(state) is None
-    goal = reasoner.goal(state)
+    moment = at(state_of(3), state_of(4))
+    assert reasoner.plan(moment) is None and reasoner.proposed_action is None
+    goal = reasoner.goal(None)
     assert goal.dtype == np.float32 and goal.shape == (reasoner.goal_size,) and not goal.any()
     reasoner.learn(random_trajectory(0))
-    assert reasoner.plan(state) is not None and reasoner.goal(state).any()
+    assert reasoner.goal(reasoner.plan(moment)).any()
 
 
 def test_what_the_agent_sees_is_the_state_and_the_goal(corridor):
-    first = corridor.beside_goal(state_of(4), None)
+    corridor.begin_episode()
+    first, thought = corridor.think(state_of(4))
+    assert thought.moment.states.tolist() == [state_of(4).tolist()]
+    assert corridor.proposed_action == thought.plan.actions[0]
     assert first[:D].tolist() == state_of(4).tolist() and first.dtype == np.float32
-    np.testing.assert_array_equal(first[D:], corridor.goal(np.stack([state_of(4), state_of(4)])))
-    second = corridor.beside_goal(state_of(5), first)  # the one before is taken without its goal
-    np.testing.assert_array_equal(second[D:], corridor.goal(np.stack([state_of(5), state_of(4)])))
+    np.testing.assert_array_equal(first[D:], corridor.goal(corridor.plan(at(state_of(4), state_of(4)))))
+    corridor.observe(first, 2, 0.0)  # which is noted without its goal
+    second, _ = corridor.think(state_of(5))
+    np.testing.assert_array_equal(second[D:], corridor.goal(corridor.plan(at(state_of(5), state_of(4)))))
+    corridor.begin_episode()
     depth = CONFIG.short_term.depth
     assert first[D : D + depth * N_ACTIONS].reshape(depth, N_ACTIONS).tolist() == [[0, 0, 1]] * depth
 
 
 @pytest.mark.parametrize("parts", [("actions",), ("reward", "state")])
 def test_the_goal_has_the_size_announced(parts):
-    config = dataclasses.replace(
-        CONFIG, goal=GoalConfig(parts=parts), short_term=ShortTermConfig(depth=2, hold_decisions=3)
-    )
+    config = dataclasses.replace(CONFIG, goal=GoalConfig(parts=parts), short_term=ShortTermConfig(depth=2))
     reasoner = new(config)
     reasoner.learn(random_trajectory(0))
-    assert reasoner.goal(np.stack([state_of(1), state_of(2)])).shape == (reasoner.goal_size,)
+    assert reasoner.goal(reasoner.plan(at(state_of(1), state_of(2)))).shape == (reasoner.goal_size,)
     assert reasoner.goal_size == sum({"actions": 2 * N_ACTIONS, "state": D, "reward": 1}[part] for part in parts)
 
 
@@ -178,26 +205,27 @@ def test_an_episode_noted_decision_by_decision_is_learned_like_one_given_whole()
         episode = random_trajectory(seed)
         for state, action, reward in zip(episode.states[:-1], episode.actions, episode.rewards, strict=True):
             noted.observe(np.append(state, 7 * np.ones(noted.goal_size)), int(action), float(reward))
-        noted.end_episode(np.append(episode.states[-1], np.zeros(noted.goal_size)))
+        noted.end_episode(np.append(episode.states[-1], np.zeros(noted.goal_size, np.float32)))
         given.learn(episode)
     assert digest(noted.to_arrays()) == digest(given.to_arrays())
 
 
 def test_without_rehearsal_each_episode_is_seen_as_the_thesis_has_it():
-    reasoner, by_hand = new(THESIS, seed=4), NextStateNetwork(THESIS.next_state, D, N_ACTIONS, seed=4)
+    reasoner, by_hand = new(THESIS, seed=4), NextStateNetwork(THESIS.models.next_state, D, N_ACTIONS, seed=4)
     for seed in (0, 1):
         reasoner.learn(random_trajectory(seed))
         for _ in range(3):
             by_hand.partial_fit(random_trajectory(seed).transitions)
-    assert digest(reasoner.next_state.to_arrays()) == digest(by_hand.to_arrays())
-    assert len(reasoner.experience) == 0
+    assert digest(reasoner.world.next_state.to_arrays()) == digest(by_hand.to_arrays())
+    assert len(reasoner.world.experience) == 0
 
 
 def test_rehearsal_keeps_what_was_learned_long_ago():
     """First the one half of the world, then for long the other, where the same actions do the opposite."""
     errors = {}
     for states in (0, 5000):
-        reasoner = new(dataclasses.replace(CONFIG, rehearsal_states=states))
+        models = dataclasses.replace(CONFIG.models, rehearsal_states=states)
+        reasoner = new(dataclasses.replace(CONFIG, models=models))
         for i in range(9):
             rng = np.random.default_rng(i)
             side, actions = (-1 if i < 3 else 1), rng.integers(N_ACTIONS, size=60)
@@ -207,9 +235,9 @@ def test_rehearsal_keeps_what_was_learned_long_ago():
             reasoner.learn(episode)
             if i == 2:
                 early = episode.transitions
-        predicted = reasoner.next_state.predict(early.states, early.previous, early.actions)
+        predicted = reasoner.world.next_state.predict(early.states, early.previous, early.actions)
         errors[states] = np.abs(predicted - early.next_states).mean()
-        assert len(reasoner.experience) == (9 * 60 if states else 0)
+        assert len(reasoner.world.experience) == (9 * 60 if states else 0)
     assert errors[5000] < 0.5 * errors[0]
 
 
@@ -239,7 +267,8 @@ def test_with_velocity_both_ends_of_a_scenario_are_placed_by_where_they_came_fro
     reasoner = new(config)
     reasoner.learn(Trajectory(states=places, actions=actions, rewards=np.zeros(60, np.float32)))
     state = places[[20, 19]]
-    plan, states = reasoner.plan(state), reasoner.plan(state).scenarios.states
+    plan = reasoner.plan(Moment(states=state))
+    states = plan.scenarios.states
 
     def located(now, before):
         return reasoner.state_map.locate(np.concatenate([now, 2 * (now - before)], axis=1))
@@ -252,10 +281,14 @@ def test_with_velocity_both_ends_of_a_scenario_are_placed_by_where_they_came_fro
     assert len(set(plan.end_nodes.tolist())) > 1
 
 
-FAST = dataclasses.replace(CONFIG, rehearsal_states=100, rehearsal_reward_share=0.5, velocity_weight=1.0)
+FAST = dataclasses.replace(
+    CONFIG,
+    models=dataclasses.replace(CONFIG.models, rehearsal_states=100, rehearsal_reward_share=0.5),
+    velocity_weight=1.0,
+)
 
 
-@pytest.mark.parametrize("config", [THESIS, FAST], ids=["thesis", "rehearsal"])
+@pytest.mark.parametrize("config", [THESIS, FAST, TREES], ids=["thesis", "rehearsal", "trees"])
 @pytest.mark.parametrize("until", [0, 13, 40, 47, 80])
 def test_saved_midway_it_goes_on_bit_for_bit(config, until):
     """Before anything, within the first episode, between two, within the second and between two again."""
@@ -263,7 +296,10 @@ def test_saved_midway_it_goes_on_bit_for_bit(config, until):
     def live(reasoner, begin, end):
         for i in range(begin, end):
             episode, t = random_trajectory(i // 40, decisions=40), i % 40
-            reasoner.observe(episode.states[t], int(episode.actions[t]), float(episode.rewards[t]))
+            seen, _ = reasoner.think(episode.states[t])
+            reasoner.observe(seen, int(episode.actions[t]), float(episode.rewards[t]))
+            if episode.rewards[t]:
+                reasoner.revise(episode.states[t + 1])
             if t == 39:
                 reasoner.end_episode(episode.states[-1])
 
@@ -275,18 +311,17 @@ def test_saved_midway_it_goes_on_bit_for_bit(config, until):
     for reasoner in (unbroken, restored):
         live(reasoner, until, 120)
     assert digest(restored.to_arrays()) == digest(unbroken.to_arrays())
-    state = random_trajectory(3).states[:2]
-    np.testing.assert_array_equal(restored.goal(state), unbroken.goal(state))
+    state = random_trajectory(3).states[0]
+    np.testing.assert_array_equal(restored.think(state)[0], unbroken.think(state)[0])
     np.testing.assert_array_equal(restored.routes.distances, unbroken.routes.distances)
 
 
 def test_map_and_models_are_enough_to_plan(corridor):
-    names = ("state_map/", "next_state/", "reward/")
+    names = ("state_map/", "world/next_state/", "world/reward/")
     reasoner = new(seed=9)
     reasoner.load({name: value for name, value in copied(corridor).items() if name.startswith(names)})
     for cell in range(CELLS):
-        state = np.stack([state_of(cell), state_of(cell)])
-        one, two = corridor.plan(state), reasoner.plan(state)
+        one, two = (one_of.plan(at(state_of(cell))) for one_of in (corridor, reasoner))
         np.testing.assert_array_equal(one.scenarios.actions, two.scenarios.actions)
         np.testing.assert_array_equal(one.path, two.path)
 
@@ -302,7 +337,7 @@ def test_routes_are_those_of_the_map_and_its_costs():
     assert np.isinf(reasoner.routes.distances).any() and np.isfinite(reasoner.routes.distances).any()
 
 
-@pytest.mark.parametrize("config", [THESIS, FAST], ids=["thesis", "rehearsal"])
+@pytest.mark.parametrize("config", [THESIS, FAST, TREES], ids=["thesis", "rehearsal", "trees"])
 def test_the_same_seed_learns_the_same(config):
     digests = []
     for seed in (0, 0, 1):
@@ -314,7 +349,7 @@ def test_the_same_seed_learns_the_same(config):
     assert digests[0] == digests[1] != digests[2]
 
 
-@pytest.mark.parametrize("config", [THESIS, FAST], ids=["thesis", "rehearsal"])
+@pytest.mark.parametrize("config", [THESIS, FAST, TREES], ids=["thesis", "rehearsal", "trees"])
 def test_a_state_that_is_not_finite_is_refused_and_nothing_is_learned(config):
     reasoner, bad = new(config), random_trajectory(1)
     reasoner.learn(random_trajectory(0))
@@ -325,22 +360,21 @@ def test_a_state_that_is_not_finite_is_refused_and_nothing_is_learned(config):
     assert digest(reasoner.to_arrays()) == before
 
 
-@pytest.mark.parametrize("config", [THESIS, FAST], ids=["thesis", "rehearsal"])
+@pytest.mark.parametrize("config", [THESIS, FAST, TREES], ids=["thesis", "rehearsal", "trees"])
 def test_an_episode_of_one_decision_is_learned(config):
     reasoner = new(config)
     reasoner.learn(random_trajectory(0, decisions=1))
     reasoner.learn(random_trajectory(1, decisions=1))
     assert reasoner.state_map.graph_.edge_counts.sum() == 2
-    assert np.isfinite(reasoner.goal(random_trajectory(0).states[:2])).all()
+    assert np.isfinite(reasoner.think(random_trajectory(0).states[0])[0]).all()
 
 
 @pytest.mark.parametrize(
     "values",
     [
-        {"rehearsal_states": -1},
+        {"planner_every": -1},
         {"velocity_weight": -0.1},
         {"velocity_weight": np.inf},
-        {"rehearsal_reward_share": 1.1},
         {"discount": 0.0},
         {"discount": 1.1},
     ],
@@ -353,3 +387,25 @@ def test_bad_parameters_are_refused(values):
 def test_too_many_scenarios_are_refused_at_once():
     with pytest.raises(UsageError, match=r"short_term\.depth"):
         Reasoner(dataclasses.replace(CONFIG, short_term=ShortTermConfig(depth=8)), D, N_ACTIONS, seed=0)
+
+
+def test_the_planner_leads_as_often_as_it_is_told():
+    for every, led in ((0, []), (1, [0, 1, 2, 3, 4, 5]), (2, [1, 3, 5]), (3, [2, 5])):
+        reasoner = new(dataclasses.replace(CONFIG, planner_every=every))
+        assert [episode for episode in range(6) if reasoner.leads(episode)] == led
+
+
+def test_trees_solve_the_corridor_by_plans_alone():
+    reasoner, rng = new(TREES), np.random.default_rng(0)
+    for _ in range(20):
+        play(reasoner, rng, int(rng.integers(CELLS - 1)))
+    for start in range(CELLS - 1):
+        reasoner.begin_episode()
+        cell, reward = start, 0.0
+        for _ in range(12):
+            if not reward:
+                seen, _ = reasoner.think(state_of(cell))
+                action = reasoner.proposed_action
+                cell, reward = step(cell, action)
+                reasoner.observe(seen, action, reward)
+        assert reward == 1, start

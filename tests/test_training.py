@@ -141,7 +141,7 @@ def test_the_agent_sees_the_current_and_the_previous_observation():
     trainer = new_trainer("components", decisions=110)
     seen = []
     act = trainer.agent.act
-    trainer.agent.act = lambda state: seen.append(state.copy()) or act(state)
+    trainer.agent.act = lambda state, advised: seen.append(state.copy()) or act(state, advised)
     trainer.run()
     assert len(seen) == 60
     np.testing.assert_array_equal(seen[0][0], seen[0][1])

@@ -3,6 +3,7 @@
 frame ─ grey image ─ objects ─ reduced objects ─ classes ─ scene graph ─ vector
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -21,6 +22,7 @@ from semrl.embedding import (
     Scenery,
     build_scene_graph,
 )
+from semrl.memo import Memo
 from semrl.protocols import Embedder
 from semrl.reduction import ObjectPCA, PCAConfig
 from semrl.state import ram_feature_names, ram_features, to_grey
@@ -87,6 +89,8 @@ class Pipeline:
         self.pca = ObjectPCA(config.pca)
         self.birch = Birch(config.birch)
         self.scenery = Scenery()
+        self._kinds = Memo(self._classify, self.detector.crop_size_px**2, np.int32)  # the bits of a crop → its class
+        self._kinds_learned: tuple[object, object] | None = None
         # Doc2vec needs an extra: do not ask for it where nothing is embedded.
         needs_doc2vec = view == "embedding" and config.embedding == "doc2vec"
         self.embedder: Embedder = Doc2VecEmbedding(config.doc2vec) if needs_doc2vec else HashedEmbedding(config.hashed)
@@ -115,9 +119,32 @@ class Pipeline:
             return self.class_image(self.detector.detect(image))
         return self.embedder.transform(self.scene(image))
 
+    def encode_batch(self, observations: Sequence[Observation]) -> NDArray[Any]:
+        """Elevate one observation of each of several environments, to the same bits as one by one.
+
+        Returns
+        -------
+        ``(len(observations), *shape)`` of ``dtype``.
+        """
+        encoded = np.empty((len(observations), *self.shape), self.dtype)
+        for row, observation in zip(encoded, observations, strict=True):
+            row[...] = self.encode(observation)
+        return encoded
+
     def classes(self, objects: Objects) -> Ints:
-        """Return the class number of each object (§3.2.2)."""
-        return self.birch.predict(self.pca.transform(objects.features)) if len(objects) else np.empty(0, np.int64)
+        """Return the class number of each object (§3.2.2); what was seen before is remembered until more is learned."""
+        if not len(objects):
+            return np.empty(0, np.int64)
+        learned = self.pca.revision, self.birch.revision
+        if learned != self._kinds_learned:
+            self._kinds.clear()
+            self._kinds_learned = learned
+        known, places = self._kinds.look_up(objects.features.view(np.int32))
+        classes: Ints = known[places]
+        return classes
+
+    def _classify(self, crops: NDArray[np.int32]) -> Ints:
+        return self.birch.predict(self.pca.transform(crops.view(np.float32)))
 
     def class_image(self, objects: Objects) -> Image:
         """Draw every object in the grey level of its class."""
@@ -132,8 +159,9 @@ class Pipeline:
 
     def shown(self, classes: Ints) -> Ints:
         """Return which objects of a frame are part of the scene: all, or all but scenery."""
-        omitted = self.scenery.still_ if self.config.scene.omit_scenery else ()
-        return np.flatnonzero(~np.isin(classes, omitted))
+        if not self.config.scene.omit_scenery:
+            return np.arange(len(classes))
+        return np.flatnonzero(~self.scenery.is_still(classes))
 
     def to_arrays(self) -> Arrays:
         """Return what every box has learned."""

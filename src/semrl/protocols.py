@@ -6,7 +6,7 @@ from typing import Any, Protocol, Self, runtime_checkable
 from numpy.typing import NDArray
 
 from semrl.arrays import Arrays
-from semrl.types import Floats, Image, Ints, Objects, SceneGraph, Transitions
+from semrl.types import Floats, Image, Ints, Moment, Objects, Scenarios, SceneGraph, Trajectory, Transitions
 
 
 @runtime_checkable
@@ -101,4 +101,29 @@ class RewardModel(Persistent, Protocol):
 
     def predict(self, states: Floats, previous: Floats, actions: Ints) -> Ints:
         """Return −1, 0 or 1 for each of ``(b, d)`` states, the ones before them and ``(b,)`` actions."""
+        ...
+
+
+class WorldModel(Persistent, Protocol):
+    """Foresees what actions lead to (§3.4.3)."""
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether anything was learned yet."""
+        ...
+
+    def partial_fit(self, trajectory: Trajectory) -> dict[str, float]:
+        """Learn from an episode after its end; return columns of the metrics."""
+        ...
+
+    def revise(self, so_far: Trajectory) -> None:
+        """Learn from the episode that is going on, when that is worth while; what it shows is not kept."""
+        ...
+
+    def imagine(self, moment: Moment, sequences: Ints) -> Scenarios:
+        """Foresee what ``(s, t)`` sequences of actions lead to."""
+        ...
+
+    def load(self, arrays: Arrays) -> None:
+        """Take over what is needed to foresee, and no more."""
         ...

@@ -51,6 +51,8 @@ class Trainer:
         Decisions taken so far.
     returns_ : list of float
         Returns of the episodes that the agent finished.
+    episodes_ : int
+        Episodes since perception was ready, those that the planner played among them.
     """
 
     def __init__(
@@ -74,6 +76,7 @@ class Trainer:
         self.observers = list(observers)
         self.decisions_ = 0
         self.returns_: list[float] = []
+        self.episodes_ = 0
         self._rng = np.random.default_rng(seed)
         self._episode: _Episode | None = None
 
@@ -116,6 +119,7 @@ class Trainer:
             "rng": rng_to_array(self._rng),
             "decisions": np.array(self.decisions_),
             "returns": np.array(self.returns_),
+            "episodes": np.array(self.episodes_),
         }
 
     def from_arrays(self, arrays: Arrays) -> None:
@@ -131,16 +135,22 @@ class Trainer:
         self._rng = array_to_rng(arrays["rng"])
         self.decisions_ = int(arrays["decisions"])
         self.returns_ = arrays["returns"].tolist()
+        self.episodes_ = int(arrays["episodes"])
 
     def _begin(self) -> "_Episode":
         observation = self.game.reset()
-        seen = None if self.perceiving else self._see(observation, None)
-        return _Episode(observation, None if seen is None else np.stack([seen, seen]))
+        seen = None if self.perceiving else self._see(observation)
+        planned = self.reasoner is not None and self.reasoner.leads(self.episodes_)
+        return _Episode(observation, None if seen is None else np.stack([seen, seen]), planned=planned)
 
-    def _see(self, observation: Observation, before: NDArray[Any] | None) -> NDArray[Any]:
-        """Return what the agent is shown: the state and, where there is a map, the goal."""
+    def _see(self, observation: Observation, *, learn: bool = False) -> NDArray[Any]:
+        """Return what the agent is shown: the state and, where there is a map, the goal; learn from a reward first."""
         encoded = self.pipeline.encode(observation)
-        return self.reasoner.beside_goal(encoded, before) if self.reasoner else encoded
+        if self.reasoner is None:
+            return encoded
+        if learn:
+            self.reasoner.revise(encoded)
+        return self.reasoner.think(encoded)[0]
 
     def _perceive(self, episode: "_Episode") -> None:
         """Show perception one frame and act at random."""
@@ -155,7 +165,8 @@ class Trainer:
     def _act(self, episode: "_Episode") -> None:
         """Let the agent take one decision and learn from what it led to."""
         assert episode.state is not None
-        action = self.agent.act(episode.state)
+        advised = self.reasoner.proposed_action if self.reasoner and episode.planned else None
+        action = self.agent.act(episode.state, advised)
         outcome = self.game.step(action)
         self.decisions_ += 1
         self.agent.observe(
@@ -163,7 +174,7 @@ class Trainer:
         )
         if self.reasoner:
             self.reasoner.observe(episode.state[0], action, outcome.reward)
-        seen = self._see(outcome.observation, episode.state[0])
+        seen = self._see(outcome.observation, learn=outcome.reward != 0)
         episode.advance(outcome.observation, seen, outcome.reward)
         if outcome.done:
             self.agent.end_episode(seen)
@@ -171,11 +182,14 @@ class Trainer:
 
     def _finish(self, episode: "_Episode", last: NDArray[Any]) -> None:
         self._episode = None
-        self.returns_.append(episode.total)
+        self.episodes_ += 1
+        if not episode.planned:
+            self.returns_.append(episode.total)
         learned = self.reasoner.end_episode(last) if self.reasoner else {}
         self._tell({
             "phase": AGENT,
-            "episode": len(self.returns_),
+            "episode": self.episodes_,
+            "policy": "planner" if episode.planned else "agent",
             "return": episode.total,
             "length": episode.length,
             "exploration": self.agent.exploration,
@@ -193,8 +207,9 @@ class Trainer:
 class _Episode:
     """Where the current episode stands."""
 
-    def __init__(self, observation: Observation, state: NDArray[Any] | None) -> None:
+    def __init__(self, observation: Observation, state: NDArray[Any] | None, *, planned: bool) -> None:
         self.observation = observation
+        self.planned = planned  # whether the planner plays
         self.state = state  # (2, *shape): what the agent is shown now and was shown before
         self.total = 0.0
         self.length = 0
@@ -210,12 +225,13 @@ class _Episode:
     def to_arrays(self) -> Arrays:
         """Return everything but the observation, which the game keeps."""
         state = {} if self.state is None else {"state": self.state}
-        return {"total": np.array(self.total), "length": np.array(self.length), **state}
+        own = {"total": np.array(self.total), "length": np.array(self.length), "planned": np.array(self.planned)}
+        return own | state
 
     @classmethod
     def from_arrays(cls, observation: Observation, arrays: Arrays) -> Self:
         """Make the episode again."""
-        episode = cls(observation, arrays.get("state"))
+        episode = cls(observation, arrays.get("state"), planned=bool(arrays["planned"]))
         episode.total = float(arrays["total"])
         episode.length = int(arrays["length"])
         return episode

@@ -5,7 +5,7 @@ corner; a pixel's centre lies at its integer coordinate.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,9 @@ Image = NDArray[np.uint8]
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int64]
+
+NO_ACTION = -1
+"""Stands where there was no action yet."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -218,6 +221,39 @@ class MapGraph:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Moment:
+    """Where a plan begins: the present state and what led to it.
+
+    Attributes
+    ----------
+    states
+        ``(h, d)`` float32, the newest first; the first ones of an episode have fewer.
+    actions
+        ``(p,)`` int64, the newest first, likewise.
+    number
+        Decisions of the episode so far.
+    proposed
+        ``(t,)`` int64, the actions that the plan before proposed from here on; empty where there was none.
+    """
+
+    states: Floats
+    actions: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
+    number: int = 0
+    proposed: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    def window(self, count: int) -> Floats:
+        """Return the newest states, ``(count, d)``; before the first one known it is taken to have been the same."""
+        return self.states[np.minimum(np.arange(count), len(self.states) - 1)]
+
+    def recent(self, count: int) -> Floats:
+        """Return the newest actions, ``(count,)`` float32; −1 before the first one known."""
+        padded = np.full(count, NO_ACTION, np.float32)
+        known = self.actions[:count]
+        padded[: len(known)] = known
+        return padded
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Scenarios:
     """What might come: sequences of actions rolled forward through the models (§3.4.3).
 
@@ -228,12 +264,12 @@ class Scenarios:
     states
         ``(s, t, d)`` float32, the state that each action is predicted to lead to.
     rewards
-        ``(s, t)`` int64 of −1, 0, 1, the predicted sign of each action's reward.
+        ``(s, t)`` float32, the predicted sign of each action's reward; where several models are asked, their mean.
     """
 
     actions: Ints
     states: Floats
-    rewards: Ints
+    rewards: Floats
 
     def __len__(self) -> int:
         return len(self.actions)

@@ -112,14 +112,27 @@ def test_measured_values_are_saved_with_the_weights_but_not_learned():
 
 def test_sines_and_cosines_stand_beside_the_numbers():
     network = build_network((3,), 2, NetworkConfig(frequencies=2), seed=0)
-    shown = network[:3](torch.tensor([[[0.5, 1.0, -2.0], [0.5, 0.5, 0.5]]]))[0].numpy()
+    shown = network[:2](torch.tensor([[[0.5, 1.0, -2.0], [0.5, 0.5, 0.5]]]))[0].numpy()
     numbers = np.array([0.5, 1.0, -2.0, 0.0, 0.5, -2.5], np.float32)
     angles = np.outer(numbers, [1, 2]).ravel()
     np.testing.assert_allclose(shown, np.concatenate([numbers, np.sin(angles), np.cos(angles)]), atol=1e-6)
-    assert network[3].in_features == 30
+    assert network[2].in_features == 30
 
 
 def test_a_goal_has_no_difference():
     network = build_network((4,), 2, NetworkConfig(), seed=0, goal_size=1)
     shown = network[0](torch.tensor([[[1.0, 2.0, 3.0, 9.0], [0.0, 1.0, 1.0, 4.0]]]))[0]
     assert shown.tolist() == [[1, 2, 3, 9], [1, 1, 2, 0]]
+
+
+def test_a_goal_stays_as_it_is():
+    """While the input is measured there is none yet, so its scale is not known."""
+    network = build_network((4,), 2, NetworkConfig(normalise_input=True, frequencies=3), seed=0, goal_size=2)
+    measured = torch.randn(50, 2, 4) * 5
+    measured[:, :, 2:] = 0
+    network[0].fit(measured)
+    state = torch.tensor([[[1.0, 2.0, 1.0, -1.0], [0.0, 1.0, 0.0, 1.0]]])
+    assert network[0](state)[0, :, 2:].tolist() == [[1, -1], [0, 0]]
+    laid_out = network[:2](state)[0]
+    assert len(laid_out) == 8 + 2 * 4 * 3 == network[2].in_features  # no sines and cosines of the goal
+    assert laid_out[[2, 3]].tolist() == [1, -1]

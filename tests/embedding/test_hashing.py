@@ -6,8 +6,8 @@ import sys
 import numpy as np
 import pytest
 
+from semrl import memo
 from semrl.embedding import HashedEmbedding, HashedEmbeddingConfig, WordsConfig, build_scene_graph, document
-from semrl.embedding import hashing as hashing_module
 from semrl.errors import UsageError
 from semrl.protocols import Persistent
 from semrl.types import SceneGraph
@@ -58,8 +58,9 @@ def test_caches_and_what_came_before_do_not_matter(monkeypatch: pytest.MonkeyPat
     warm = HashedEmbedding()
     for _ in range(2):
         np.testing.assert_array_equal([warm.transform(scene) for scene in scenes], fresh)
-    monkeypatch.setattr(hashing_module, "_CACHE_ENTRIES", 20)  # now they overflow at every scene
-    np.testing.assert_array_equal([warm.transform(scene) for scene in scenes], fresh)
+    monkeypatch.setattr(memo, "MOST_ENTRIES", 20)
+    crowded = HashedEmbedding()  # its memos overflow at every scene
+    np.testing.assert_array_equal([crowded.transform(scene) for scene in scenes], fresh)
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(warm)).transform(scenes[0]), fresh[0])
 
 

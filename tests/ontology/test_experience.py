@@ -8,7 +8,7 @@ from systems import copied, walk
 
 from semrl.arrays import digest
 from semrl.ontology import EpisodeRecord, Experience
-from semrl.ontology.experience import REWARD_WINDOW, with_past_actions
+from semrl.ontology.experience import REWARD_WINDOW
 from semrl.types import Trajectory
 
 
@@ -213,9 +213,10 @@ def assert_same(one, two):
 def test_an_episode_is_told_whole_and_another_begins():
     first, second = walk(30, 0), walk(1, 1)
     noted = record(first)
-    assert_same(noted.finish(first.states[-1]), first)
+    assert_same(noted.so_far(first.states[-1]), first)
+    noted.clear()
     assert digest(noted.to_arrays()) == digest(EpisodeRecord(3).to_arrays())
-    assert_same(record(second, into=noted).finish(second.states[-1]), second)
+    assert_same(record(second, into=noted).so_far(second.states[-1]), second)
 
 
 @pytest.mark.parametrize("until", [0, 1, 17, 30])
@@ -225,19 +226,34 @@ def test_an_episode_saved_midway_ends_the_same(until):
     assert digest(restored.to_arrays()) == digest(record(episode, until).to_arrays())
     for t in range(until, 30):
         restored.add(episode.states[t], int(episode.actions[t]), float(episode.rewards[t]))
-    assert_same(restored.finish(episode.states[-1]), episode)
+    assert_same(restored.so_far(episode.states[-1]), episode)
 
 
-@pytest.mark.parametrize("count", [0, 1, 3, 8])
-def test_past_actions_are_told_alike_while_playing_and_afterwards(count):
-    episode, noted = walk(6), EpisodeRecord(3)
-    told = with_past_actions(episode.states, episode.actions, count)
-    assert told.shape == (7, 3 + count) and told.dtype == np.float32
-    for t in range(7):
-        expected = [*episode.actions[:t][::-1], *[-1] * count][:count]  # the newest first
-        assert told[t].tolist() == [*episode.states[t].tolist(), *expected]
-        assert noted.recent_actions(count).tolist() == expected
-        if t < 6:
-            noted.add(episode.states[t], int(episode.actions[t]), 0.0)
-    noted.clear()
-    assert noted.recent_actions(count).tolist() == [-1] * count
+@pytest.mark.parametrize("count", [1, 3, 8])
+def test_what_was_before_is_told_alike_while_playing_and_afterwards(count):
+    episodes = [walk(6, 0), walk(1, 1), walk(5, 2)]
+    experience, told = Experience(100, 3), []
+    for episode in episodes:
+        noted = EpisodeRecord(3)
+        for t in range(len(episode)):
+            moment = noted.moment(episode.states[t], 4, np.zeros(0, np.int64))
+            assert moment.number == t and len(moment.states) == min(t + 1, 4) and len(moment.actions) == min(t, 4)
+            told.append((moment.window(count).tolist(), moment.recent(count).tolist()))
+            noted.add(episode.states[t], int(episode.actions[t]), float(episode.rewards[t]))
+        experience.add(episode)
+    states, before, actions, rewards, following = experience.windows(count, count)
+    depth = min(count, 4)  # as far as the moment reaches back
+    assert [(s[:depth].tolist(), a[:depth].tolist()) for s, a in zip(states, before, strict=True)] == [
+        (s[:depth], a[:depth]) for s, a in told
+    ]
+    np.testing.assert_array_equal(actions, np.concatenate([episode.actions for episode in episodes]))
+    np.testing.assert_array_equal(rewards, np.concatenate([episode.rewards for episode in episodes]))
+    np.testing.assert_array_equal(following, np.concatenate([episode.states[1:] for episode in episodes]))
+
+
+def test_what_goes_on_is_joined_to_what_is_over_without_being_kept():
+    experience = Experience(100, 3)
+    experience.add(walk(6, 0))
+    before = digest(experience.to_arrays())
+    assert len(experience.joined(walk(4, 1))) == 10 and len(experience) == 6
+    assert digest(experience.to_arrays()) == before

@@ -1,127 +1,89 @@
-"""Trees find sharp rules; asked in compiled code they answer what scikit-learn would."""
-
-from itertools import pairwise
+"""Trees find sharp rules; grown and asked in compiled code they are what scikit-learn would grow."""
 
 import numpy as np
 import pytest
 from sklearn.tree import DecisionTreeRegressor
-from systems import N_ACTIONS, ball, copied, explained, transitions, walk
 
-from semrl.arrays import digest
-from semrl.errors import UsageError
-from semrl.ontology import NextStateConfig, NextStateTrees, RewardConfig, RewardTree
-from semrl.ontology import make_next_state_model as make_next_state
-from semrl.ontology import make_reward_model as make_reward
-from semrl.ontology.trees import GROWTH, MAX_DIMENSION, Forest, Memory, relational_features
-
-NEXT, REWARD = NextStateConfig(kind="trees"), RewardConfig(kind="trees")
-BOTH = pytest.mark.parametrize("make", [lambda: make_next_state(NEXT, 3, N_ACTIONS),
-                                        lambda: make_reward(REWARD, 3, N_ACTIONS)], ids=["next", "reward"])  # fmt: skip
+from semrl.ontology.cart import MAX_BINS, bins_of
+from semrl.ontology.trees import Forests, lay_out
 
 
-def predicted(model, data):
-    return model.predict(data.states, data.previous, data.actions)
+def wholes(n, d, seed=0, most=30):
+    return np.random.default_rng(seed).integers(0, most, size=(n, d)).astype(np.float32)
 
 
-def rallies(count, seed=0):
-    """A ball flies to the right and turns back where it would cross a bat; a gain where it passes it."""
-    rng = np.random.default_rng(seed)
-    x, y, bat = rng.integers(0, 20, count), rng.integers(0, 20, count), rng.integers(0, 20, count)
-    actions = rng.integers(N_ACTIONS, size=count)
-    hit = (x == 19) & (np.abs(y - bat) <= 4)
-    now = np.column_stack([x, y, bat])
-    after = np.column_stack([np.where(hit, x - 1, x + 1), y, bat + actions - 1])
-    return transitions(now, now - [1, 0, 0], actions, after, (x == 19) & ~hit)
+def fitted(rows, wanted, members=1, leaf_rows=3, seed=0):
+    return Forests(members, leaf_rows).fit(rows, wanted, np.random.default_rng(seed))
 
 
 def test_it_is_the_trees_of_scikit_learn():
-    rng = np.random.default_rng(0)
-    rows, wanted = rng.normal(size=(400, 5)).astype(np.float32), rng.normal(size=(400, 2))
-    forest, test = Forest(3).fit(rows, wanted), rng.normal(size=(300, 5)).astype(np.float32)
-    for data in (rows, test):
-        theirs = [
-            DecisionTreeRegressor(min_samples_leaf=3, random_state=0).fit(rows, column).predict(data)
-            for column in wanted.T
-        ]
-        np.testing.assert_array_equal(forest(data), np.column_stack(theirs))
+    rows, test = wholes(800, 5), wholes(300, 5, seed=1)
+    wanted = np.column_stack([rows[:, 0] * 3.0 + rows[:, 1] ** 2, np.sin(rows[:, 2]) + (rows[:, 3] > rows[:, 4])])
+    wanted += np.random.default_rng(0).normal(scale=0.01, size=wanted.shape)  # no two cuts are equally good
+    forest = fitted(rows, wanted)
+    theirs = [
+        DecisionTreeRegressor(min_samples_leaf=3, random_state=0).fit(rows, column).predict(rows) for column in wanted.T
+    ]
+    np.testing.assert_allclose(forest(rows)[0], np.column_stack(theirs), atol=1e-3)
+    assert np.isfinite(forest(test)).all()
+
+
+def test_every_leaf_has_enough_rows_and_predicts_their_mean():
+    rows, rng = wholes(500, 3), np.random.default_rng(0)
+    wanted = rng.normal(size=(500, 1))
+    told = fitted(rows, wanted, leaf_rows=20)(rows)[0, :, 0]
+    for value in np.unique(told):
+        mine = told == value
+        assert mine.sum() >= 20 and wanted[mine].mean() == pytest.approx(value, abs=1e-5)
+
+
+def test_numbers_of_few_values_have_a_bin_each_and_others_about_equally_full_ones():
+    rows = np.column_stack([wholes(5000, 1)[:, 0], np.random.default_rng(0).normal(size=5000)]).astype(np.float32)
+    places, cuts = bins_of(rows)
+    assert len(cuts[0]) == 29 and places[0].tolist() == rows[:, 0].tolist()
+    counts = np.bincount(places[1])
+    assert len(counts) == len(cuts[1]) + 1 <= MAX_BINS and counts.max() < 3 * 5000 / MAX_BINS
+    for column, cut, place in zip(rows.T, cuts, places, strict=True):
+        np.testing.assert_array_equal((column[:, None] > cut).sum(axis=1), place)
+
+
+def test_what_is_always_the_same_needs_no_cut():
+    rows = wholes(50, 2)
+    assert (fitted(rows, np.full((50, 1), 7.0))(wholes(9, 2, seed=1)) == 7).all()
+    assert (fitted(np.ones((50, 2), np.float32), np.arange(50.0)[:, None])(rows) == 24.5).all()
+
+
+def test_several_forests_agree_where_much_was_seen_and_differ_where_not():
+    rows = np.concatenate([np.tile(np.arange(10, dtype=np.float32), 200), np.arange(20, 100, 8)])[:, None]
+    wanted = np.random.default_rng(0).normal(scale=0.1, size=rows.shape) + np.sign(rows - 5.5)
+    told = fitted(rows.astype(np.float32), wanted, members=5)(np.array([[3], [8], [60]], np.float32))[:, :, 0]
+    assert told.shape == (5, 3) and (np.abs(told[:, :2] - [-1, 1]) < 0.05).all()
+    assert told[:, 2].std() > 3 * told[:, :2].std(axis=0).max()
+
+
+def test_the_same_draw_grows_the_same():
+    rows, wanted = wholes(200, 3), np.random.default_rng(0).normal(size=(200, 2))
+    one, two, other = (fitted(rows, wanted, members=2, seed=seed)(rows) for seed in (0, 0, 1))
+    np.testing.assert_array_equal(one, two)
+    assert (one != other).any()
 
 
 def test_numbers_are_seen_in_relation_to_each_other():
-    row = relational_features(np.array([[5.0, 2.0]]), np.array([[4.0, 3.0]]), np.array([1]), 2)
-    assert row.tolist() == [[5, 2, 1, -1, 0, 1, 3, 6, 1, 5]] and row.dtype == np.float32
+    states = np.array([[[5, 2], [4, 3], [1, 1]]], np.float32)
+    row = lay_out(states, np.array([[1, 0]]), np.array([1]))
+    now, ahead, changes = [5, 2], [6, 1], [1, -1, 3, 2]
+    assert row.tolist() == [[*now, *ahead, *changes, 5 - 2, 6 - 1, 1, 1, 0]] and row.dtype == np.float32
 
 
-def test_sharp_rules_are_learned():
-    data, test = rallies(6000), rallies(2000, seed=1)
-    next_state = make_next_state(NEXT, 3, N_ACTIONS).partial_fit(data)
-    reward = make_reward(REWARD, 3, N_ACTIONS).partial_fit(data)
-    assert isinstance(next_state, NextStateTrees) and isinstance(reward, RewardTree)
-    told = predicted(next_state, test)
-    assert (np.abs(told - test.next_states).max(axis=1) < 0.1).mean() > 0.98
-    border = test.states[:, 0] == 19
-    assert border.sum() > 50
-    assert (np.abs(told - test.next_states).max(axis=1) < 0.1)[border].mean() > 0.9
-    assert (predicted(reward, test) == test.rewards)[border].mean() > 0.9
-    assert (predicted(reward, test) == test.rewards)[~border].all()
-
-
-def test_a_bouncing_ball_is_learned():
-    data, test = ball(4000), ball(500, seed=7)
-    told = predicted(make_next_state(NEXT, 3, N_ACTIONS).partial_fit(data), test)
-    assert explained(told - test.states, test.next_states - test.states) > 0.9
-
-
-@BOTH
-def test_before_anything_was_learned_nothing_changes(make):
-    model, data = make(), ball(6)
-    told = predicted(model, data)
-    np.testing.assert_array_equal(told, data.states if told.ndim == 2 else np.zeros(6))
-
-
-@BOTH
-@pytest.mark.parametrize("saved_after", [1, 3, 7])
-def test_saved_midway_it_goes_on_bit_for_bit(make, saved_after):
-    """Between two growings as well: what is new is not forgotten."""
-    lessons = [walk(20, seed).transitions for seed in range(16)]
-    unbroken, restored = make(), make()
-    restored.partial_fit(lessons[5])  # used before
-    for i, lesson in enumerate(lessons):
-        if i == saved_after:
-            restored.from_arrays(copied(unbroken))
-        unbroken.partial_fit(lesson)
-        if i >= saved_after:
-            restored.partial_fit(lesson)
-    assert digest(restored.to_arrays()) == digest(unbroken.to_arrays())
-    np.testing.assert_array_equal(predicted(restored, lessons[0]), predicted(unbroken, lessons[0]))
-
-
-def test_trees_grow_anew_when_there_is_enough_to_learn_from():
-    memory = Memory(10_000, 3)
-    grown = [10 * (i + 1) for i in range(60) if memory.add(walk(10, i).transitions)]
-    assert grown[:10] == list(range(10, 110, 10))
-    assert all(after >= GROWTH * before for before, after in pairwise(grown))
-    assert grown[-1] > 600 / GROWTH - 10
-
-
-def test_the_oldest_decisions_are_forgotten():
-    memory, lessons = Memory(25, 3), [walk(10, seed).transitions for seed in range(4)]
-    for lesson in lessons:
-        memory.add(lesson)
-    for name in ("states", "previous", "actions", "rewards", "next_states"):
-        lived = np.concatenate([getattr(lesson, name) for lesson in lessons])
-        np.testing.assert_array_equal(getattr(memory.transitions, name), lived[-25:])
-
-
-@pytest.mark.parametrize("make", [make_next_state, make_reward])
-def test_states_too_long_for_trees_are_refused(make):
-    config = NEXT if make is make_next_state else REWARD
-    make(config, MAX_DIMENSION, N_ACTIONS)
-    with pytest.raises(UsageError, match="at most 32 numbers, not 33; use a network"):
-        make(config, MAX_DIMENSION + 1, N_ACTIONS)
-
-
-@pytest.mark.parametrize("config", [NextStateConfig, RewardConfig])
-@pytest.mark.parametrize("name", ["leaf_decisions", "capacity"])
-def test_bad_parameters_are_refused(config, name):
-    with pytest.raises(UsageError, match=name):
-        config(**{name: 0})
+def test_rolled_forward_each_forest_goes_its_own_way_until_a_reward():
+    """A glider is pushed by the action; it is paid at 6 and beyond."""
+    rng = np.random.default_rng(0)
+    before, now, actions = rng.integers(-9, 9, 4000), rng.integers(-9, 9, 4000), rng.integers(2, size=4000)
+    windows = np.stack([now, before], axis=1)[:, :, None].astype(np.float32)
+    rows = lay_out(windows, np.zeros((4000, 0), np.int64), actions)
+    moved = now - before + 2 * actions - 1
+    forests = fitted(rows, np.column_stack([moved, now + moved >= 6]).astype(float), members=2, leaf_rows=1)
+    sequences = np.array([[1, 1, 1, 1], [0, 0, 0, 0], [1, 0, 1, 0]])
+    states, rewards = forests.roll(np.zeros((2, 1), np.float32), np.zeros(0, np.float32), sequences)
+    assert states[:, :, 0].round(3).tolist() == [[1, 3, 6, 6], [-1, -3, -6, -10], [1, 1, 2, 2]]
+    assert rewards.tolist() == [[[0, 0, 1, 0], [0, 0, 0, 0], [0, 0, 0, 0]]] * 2

@@ -76,7 +76,7 @@ def test_the_place_and_the_path_are_those_of_the_map(map_run):
     lengths = set()
     for k in range(0, len(steps) - 1, 4):
         told = explain(map_run, episode=1, step=k)
-        node = player.reasoner.plan(steps[k].state[:, : player.reasoner.dimension]).node
+        node = steps[k].thought.plan.node
         assert told.place.node == graph.node_ids[node] and told.place.states == graph.node_counts[node]
         assert told.place.is_goal == routes.goals[node]
         lengths.add(len(told.path))
@@ -97,10 +97,10 @@ def test_the_place_and_the_path_are_those_of_the_map(map_run):
 
 
 def test_scenarios_are_sorted_and_those_of_the_planner(map_run):
-    player, steps = played(map_run)
+    _, steps = played(map_run)
     for k in STEPS:
         told = explain(map_run, episode=1, step=k)
-        plan = player.reasoner.plan(steps[k].state[:, : player.reasoner.dimension])
+        plan = steps[k].thought.plan
         returns = [scenario.predicted_return for scenario in told.scenarios]
         assert returns == sorted(returns, reverse=True) == plan.returns[:5].tolist()
         assert told.n_scenarios == 2**HORIZON and [scenario.rank for scenario in told.scenarios] == [1, 2, 3, 4, 5]
@@ -128,7 +128,7 @@ def test_the_goal_is_what_the_agent_was_shown(map_run):
 
 
 def test_what_came_is_what_was_played(map_run):
-    player, steps = played(map_run)
+    _, steps = played(map_run)
     for k in STEPS:
         came = explain(map_run, episode=1, step=k).aftermath
         after = steps[k : k + HORIZON + 1]
@@ -136,7 +136,7 @@ def test_what_came_is_what_was_played(map_run):
         assert came.actions == tuple(NAMES[action] for action in actions)
         assert came.rewards == tuple(b.total - a.total for a, b in pairwise(after))
         assert came.ended == (k + HORIZON >= len(steps) - 1)
-        scenarios = player.reasoner.plan(steps[k].state[:, : player.reasoner.dimension]).scenarios
+        scenarios = steps[k].thought.plan.scenarios
         same = (scenarios.actions == actions).all(axis=1)  # every sequence of actions is among them
         assert came.foreseen == tuple(scenarios.rewards[same][0].tolist())
 

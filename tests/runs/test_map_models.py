@@ -71,8 +71,8 @@ def test_a_finished_run_plans_as_it_would_have(map_run):
     for before, step in pairwise(steps):
         encoded = before.state[:, : shape[0]]
         np.testing.assert_array_equal(encoded[0], player.pipeline.encode(before.observation))
-        np.testing.assert_array_equal(before.state[0, shape[0] :], reasoner.goal(encoded))
-        assert step.action == reasoner.plan(encoded).actions[0]
+        np.testing.assert_array_equal(before.state[0, shape[0] :], reasoner.goal(before.thought.plan))
+        assert step.action == reasoner.plan(before.thought.moment).actions[0] == before.thought.plan.actions[0]
 
 
 def test_the_planner_plays_and_leaves_the_agents_result_alone(own_run):
@@ -157,5 +157,5 @@ def test_too_many_scenarios_are_told_before_anything_is_written(tmp_path, tiny, 
 
 def test_a_model_that_diverges_is_told(tmp_path, tiny):
     with pytest.raises(SemrlError, match="diverged: try a smaller learning rate"):
-        train(tmp_path / "run", tiny("semantic-map", reasoning__next_state__learning_rate=1e30))
+        train(tmp_path / "run", tiny("semantic-map", reasoning__models__next_state__learning_rate=1e30))
     assert RunFolder.open(tmp_path / "run").manifest()["status"] == "failed"

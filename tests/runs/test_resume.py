@@ -23,11 +23,11 @@ DOC2VEC = {
     "pipeline__doc2vec__epochs": 2,
     "pipeline__doc2vec__dimension": 8,
 }
-REHEARSAL = {"reasoning__rehearsal_states": 60, "reasoning__reward__kind": "network"}
+REHEARSAL = {"reasoning__models__rehearsal_states": 60, "reasoning__models__reward__kind": "network"}
 THESIS_MODELS = {
-    "reasoning__rehearsal_states": 0,
-    "reasoning__reward__kind": "svm",
-    "reasoning__next_state__predict_change": False,
+    "reasoning__models__rehearsal_states": 0,
+    "reasoning__models__reward__kind": "svm",
+    "reasoning__models__next_state__predict_change": False,
 }
 RICH_AGENT = {"agent__heads": 3, "agent__head_decisions": 5, "agent__reward_share": 0.5}
 

@@ -148,10 +148,15 @@ class DQN:
         progress = min(1.0, self.decisions_ * self.frame_skip / c.exploration_frames)
         return float(c.exploration_max * (c.exploration_min / c.exploration_max) ** progress)
 
-    def act(self, state: NDArray[Any]) -> int:
-        """Choose an action for ``(2, *shape)``, the current and the previous observation: ε-greedy."""
+    def act(self, state: NDArray[Any], advised: int | None = None) -> int:
+        """Choose an action for ``(2, *shape)``, the current and the previous observation: ε-greedy.
+
+        Advice, where there is any, is followed in place of the values.
+        """
         if self._rng.random() < self.exploration:
             return int(self._rng.integers(self.n_actions))
+        if advised is not None:
+            return advised
         return int(self._head_values(state[None])[0, self._head].argmax())
 
     def best_action(self, state: NDArray[Any]) -> int:

@@ -38,7 +38,8 @@ class StateInput(nn.Module):
     """Turn (current, previous) observations into (current, difference), §3.3.
 
     Bytes are divided by 255. Vectors may be normalised; mean and scale are set once, by `fit`. A goal at the end
-    of a vector has no difference: 0 stands in its place.
+    of a vector stays as it is, since there is none yet when `fit` is called. It has no difference: 0 stands in its
+    place.
     """
 
     def __init__(self, shape: tuple[int, ...], *, is_image: bool, goal_size: int = 0) -> None:
@@ -63,6 +64,9 @@ class StateInput(nn.Module):
         least = LEAST_DEVIATION * deviation.square().mean(dim=1, keepdim=True).sqrt()
         deviation = torch.maximum(deviation, least)
         self.scale.copy_(torch.where(deviation > 0, 1 / deviation, torch.ones_like(deviation)))
+        if self.goal_size:
+            self.mean[:, -self.goal_size :] = 0
+            self.scale[:, -self.goal_size :] = 1
 
     def forward(self, states: Tensor) -> Tensor:
         """Map ``(b, 2, *shape)`` of bytes or floats to ``(b, 2, *shape)`` float32."""
@@ -77,22 +81,23 @@ class StateInput(nn.Module):
 
 
 class FourierFeatures(nn.Module):
-    """Append sines and cosines of all inputs, at doubling frequencies from 1 radian a unit on.
+    """Append sines and cosines of a state and its difference, at doubling frequencies from 1 radian a unit on.
 
     Dense layers learn slowly what changes fast with a coordinate; of these features it is a smooth function
     (Tancik et al., "Fourier features let networks learn high frequency functions in low dimensional domains",
-    NeurIPS 2020).
+    NeurIPS 2020). A goal at the end of a vector is only passed on.
     """
 
-    def __init__(self, frequencies: int) -> None:
+    def __init__(self, frequencies: int, goal_size: int = 0) -> None:
         super().__init__()
+        self.goal_size = goal_size
         self.factors: Tensor
         self.register_buffer("factors", 2.0 ** torch.arange(frequencies), persistent=False)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Map ``(b, d)`` to ``(b, d * (1 + 2 * frequencies))``."""
-        angles = (x[:, :, None] * self.factors).flatten(1)
-        return torch.cat([x, angles.sin(), angles.cos()], dim=1)
+        """Map ``(b, 2, d)`` to ``(b, 2 * d + 4 * (d - goal_size) * frequencies)``."""
+        angles = (x[:, :, : x.shape[2] - self.goal_size, None] * self.factors).flatten(1)
+        return torch.cat([x.flatten(1), angles.sin(), angles.cos()], dim=1)
 
 
 def build_network(
@@ -116,7 +121,7 @@ def build_network(
     is_image = len(shape) > 1
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        body, width = _convolutions() if is_image else _flat(2 * shape[0], config.frequencies)
+        body, width = _convolutions() if is_image else _flat(shape[0], config.frequencies, goal_size)
         dense: list[nn.Module] = []
         for units in config.hidden_units:
             dense += [nn.Linear(width, units)]
@@ -128,11 +133,11 @@ def build_network(
         )
 
 
-def _flat(size: int, frequencies: int) -> tuple[list[nn.Module], int]:
-    """Return the layers that lay a vector and its difference out, and the number of values they give."""
+def _flat(size: int, frequencies: int, goal_size: int) -> tuple[list[nn.Module], int]:
+    """Return the layer that lays a vector and its difference out, and the number of values it gives."""
     if not frequencies:
-        return [nn.Flatten()], size
-    return [nn.Flatten(), FourierFeatures(frequencies)], size * (1 + 2 * frequencies)
+        return [nn.Flatten()], 2 * size
+    return [FourierFeatures(frequencies, goal_size)], 2 * size + 4 * (size - goal_size) * frequencies
 
 
 def _convolutions() -> tuple[list[nn.Module], int]:

@@ -5,7 +5,11 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
-from semrl.types import Image, Ints, Objects
+from semrl.detection.components import Components, tight_boxes
+from semrl.kernels import compiled
+from semrl.types import IMAGE_SIZE_PX, Floats, Image, Ints, Objects
+
+_SHARES_OF_WHITE = np.arange(256, dtype=np.float32) / np.float32(255)
 
 
 @functools.cache
@@ -19,7 +23,13 @@ def n_parts(length_px: int, limit_px: int) -> int:
     return next((n for n in range(fewest, 2 * fewest + 1) if length_px % n == 0), fewest)
 
 
-def cut_components(image: Image, labels: NDArray[np.int32], boxes_px: Ints, limit_px: int) -> Objects:
+@functools.cache
+def parts_table(limit_px: int) -> Ints:
+    """Return `n_parts` of every length that an image can have, ``(85,)``; 1 for nothing."""
+    return np.array([1] + [n_parts(length, limit_px) for length in range(1, IMAGE_SIZE_PX + 1)])
+
+
+def cut_components(image: Image, components: Components, limit_px: int) -> Objects:
     """Cut components first along the row, then each new piece along the column where it is still too large.
 
     Every piece is measured anew before the second cut: where a paddle touches a wall only the piece
@@ -29,41 +39,64 @@ def cut_components(image: Image, labels: NDArray[np.int32], boxes_px: Ints, limi
     ----------
     image
         ``(84, 84)`` uint8.
-    labels
-        ``(84, 84)`` int32, number of the component of each pixel; 0 is background.
-    boxes_px
-        ``(c, 4)``, top, left, height and width of each component.
+    components
+        Of this image.
     limit_px
         Largest height and width of an object.
     """
-    pixels = np.stack(np.nonzero(labels))  # (2, p): row and column of each foreground pixel
-    rows, cols = pixels
-    owner = labels[rows, cols].astype(np.int64) - 1  # (p,) the component of each of them
+    boxes, crops, centres, labels = _cut(image, components, limit_px, parts_table(limit_px))
+    return Objects(crops=crops, centres_px=centres, boxes_px=boxes, labels=labels)
+
+
+@compiled
+def _cut(
+    image: Image, components: Components, limit_px: int, parts_of: Ints
+) -> tuple[Ints, Floats, Floats, NDArray[np.int32]]:
+    """Return boxes, crops, centres and labels of the pieces."""
+    places, owners, boxes = components.places_px, components.owners, components.boxes_px
     for axis in (1, 0):
-        owner, boxes_px = _split(owner, boxes_px, pixels, axis, limit_px)
-    top, left, height, width = boxes_px.T
-    crops = np.zeros((len(boxes_px), limit_px, limit_px), dtype=np.float32)
-    # An odd gap leaves the object half a pixel up and left of the window's middle.
-    crop_rows = rows - (top - (limit_px - height) // 2)[owner]
-    crop_cols = cols - (left - (limit_px - width) // 2)[owner]
-    crops[owner, crop_rows, crop_cols] = image[rows, cols] / np.float32(255)
-    pieces = np.zeros_like(labels)
-    pieces[rows, cols] = owner + 1
-    centres = np.stack([top + (height - 1) / 2, left + (width - 1) / 2], axis=1)
-    return Objects(crops=crops, centres_px=centres.astype(np.float32), boxes_px=boxes_px, labels=pieces)
+        owners, boxes = _split(places, owners, boxes, axis, parts_of)
+    crops = np.zeros((len(boxes), limit_px, limit_px), np.float32)
+    centres = np.empty((len(boxes), 2), np.float32)
+    corners = np.empty((len(boxes), 2), np.int64)  # of each object's window
+    for i in range(len(boxes)):
+        for axis in range(2):
+            start, length = boxes[i, axis], boxes[i, axis + 2]
+            centres[i, axis] = start + (length - 1) / 2
+            # An odd gap leaves the object half a pixel up and left of the window's middle.
+            corners[i, axis] = start - (limit_px - length) // 2
+    labels = np.zeros(image.shape, np.int32)
+    for p in range(len(places)):
+        row, column, owner = places[p, 0], places[p, 1], owners[p]
+        crops[owner, row - corners[owner, 0], column - corners[owner, 1]] = _SHARES_OF_WHITE[image[row, column]]
+        labels[row, column] = owner + 1
+    return boxes, crops, centres, labels
 
 
-def _split(owner: Ints, boxes_px: Ints, pixels: Ints, axis: int, limit_px: int) -> tuple[Ints, Ints]:
+@compiled
+def _split(
+    places: NDArray[np.int32], owners: NDArray[np.int32], boxes: Ints, axis: int, parts_of: Ints
+) -> tuple[NDArray[np.int32], Ints]:
     """Split every object along one axis; return each pixel's new owner and the new objects' tight boxes."""
-    start, length = boxes_px[:, axis], boxes_px[:, axis + 2]
-    parts = np.array([n_parts(size, limit_px) for size in length.tolist()], dtype=np.int64)
-    first = np.cumsum(parts) - parts  # number of each object's first piece
-    piece = first[owner] + (pixels[axis] - start[owner]) * parts[owner] // length[owner]
+    lengths = boxes[:, axis + 2]
+    if not len(boxes) or parts_of[lengths].max() == 1:
+        return owners, boxes
+    ends = np.cumsum(lengths)
+    piece_at = np.empty(lengths.sum(), np.int64)  # of each place along each object
+    pieces = 0
+    for i in range(len(boxes)):
+        parts = parts_of[lengths[i]]
+        for offset in range(lengths[i]):
+            piece_at[ends[i] - lengths[i] + offset] = pieces + (offset * parts // lengths[i] if parts > 1 else 0)
+        pieces += parts
+    zeros = ends - lengths - boxes[:, axis]  # where each object's place 0 would be
+    split = np.empty_like(owners)
+    used = np.zeros(pieces, np.int32)
+    for p in range(len(owners)):
+        split[p] = piece_at[zeros[owners[p]] + places[p, axis]]
+        used[split[p]] = 1
     # Inside an object of several arms a piece may be empty: number only those with pixels.
-    found, owner = np.unique(piece, return_inverse=True)
-    low = np.full((2, len(found)), np.iinfo(np.int64).max)
-    high = np.full((2, len(found)), -1)
-    for i in range(2):
-        np.minimum.at(low[i], owner, pixels[i])
-        np.maximum.at(high[i], owner, pixels[i])
-    return owner, np.concatenate([low, high - low + 1]).T
+    numbers = np.cumsum(used) - 1
+    for p in range(len(owners)):
+        split[p] = numbers[split[p]]
+    return split, tight_boxes(places, split, used.sum())

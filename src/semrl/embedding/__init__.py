@@ -6,6 +6,7 @@ from semrl.embedding.hashing import HashedEmbedding, HashedEmbeddingConfig
 from semrl.embedding.retrieval import Retrieval
 from semrl.embedding.scene_graph import SceneGraphConfig, build_scene_graph
 from semrl.embedding.scenery import Scenery
+from semrl.embedding.word_hashes import WordHasher, word_hash
 from semrl.embedding.words import WordsConfig, document, position_words, sentences, wl_hashes
 
 __all__ = [
@@ -17,6 +18,7 @@ __all__ = [
     "Retrieval",
     "SceneGraphConfig",
     "Scenery",
+    "WordHasher",
     "WordsConfig",
     "build_scene_graph",
     "document",
@@ -26,4 +28,5 @@ __all__ = [
     "position_words",
     "sentences",
     "wl_hashes",
+    "word_hash",
 ]

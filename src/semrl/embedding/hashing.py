@@ -5,7 +5,6 @@ scale multitask learning", ICML 2009). Inner products of the vectors are, in exp
 function, those of the scenes' word counts. Nothing is learned, so nothing can drift.
 """
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Self
@@ -13,14 +12,15 @@ from typing import Self
 import numpy as np
 
 from semrl.arrays import Arrays
-from semrl.embedding.words import WordsConfig, position_words, wl_hashes
+from semrl.embedding.word_hashes import Hashes, WordHasher
+from semrl.embedding.words import WordsConfig
 from semrl.errors import UsageError
+from semrl.kernels import compiled
+from semrl.memo import Memo
 from semrl.types import Floats, Ints, SceneGraph
 
 MAX_SPREAD_PX = 32.0
 
-_CACHE_ENTRIES = 1 << 15
-"""Entries at which a cache is emptied; Pong needs about 3,000."""
 
 _ONE = 64
 """What a word of weight 1 adds: sums are of integers, so that their order does not matter to the last bit."""
@@ -75,15 +75,14 @@ class HashedEmbedding:
 
     def __init__(self, config: HashedEmbeddingConfig | None = None) -> None:
         self.config = config or HashedEmbeddingConfig()
-        window = np.array(_window(0.0, self.config.spread_px)[1])
+        _, window = _window(np.array(0), self.config.spread_px)
         # A word that names one coordinate is met at every position of the other: its spread copies have this length.
         length = float(np.sqrt((window**2).sum()) * window.sum())
         self._class_weight = round(_ONE * length)
         self._hash_weight = round(_ONE * length * self.config.neighbourhood_weight)
         self._scale = np.float32(1 / (_ONE * length * np.sqrt(max(self.config.words.words_per_object, 1))))
-        self._salt = self.config.seed.to_bytes(8, "little")
-        self._objects: dict[tuple[int, float, float], Ints] = {}  # class, row, column → its words' signed sum
-        self._words: dict[str, int] = {}  # word → component, plus dimension if its sign is −1
+        self._hasher = WordHasher(self.config.words, self.config.seed)
+        self._objects = Memo(self._sum_objects, width=3)  # class, doubled row and column → its words' signed sum
 
     @property
     def documents_needed(self) -> int:
@@ -115,18 +114,8 @@ class HashedEmbedding:
         ndarray
             ``(dimension,)`` float32; zeros for a scene without objects.
         """
-        if len(self._objects) > _CACHE_ENTRIES:
-            self._objects.clear()
-        hashes = [word for words in wl_hashes(graph, self.config.words.wl_iterations) for word in words]
-        total = self._hash_weight * self._count(hashes)
-        centres = (graph.centres_px * 2).round() / 2
-        for number, (row, column) in zip(graph.classes.tolist(), centres.tolist(), strict=True):
-            place = (number, row, column)
-            vector = self._objects.get(place)
-            if vector is None:
-                vector = self._objects[place] = self._object(*place)
-            total += vector
-        return total.astype(np.float32) * self._scale
+        sums, places = self._objects.look_up(_object_keys(graph.classes, graph.centres_px))
+        return sum_scene(sums, places, self._hasher.surroundings(graph), self._hash_weight, self._scale)
 
     def to_arrays(self) -> Arrays:
         """Return nothing: there is no state."""
@@ -135,45 +124,112 @@ class HashedEmbedding:
     def from_arrays(self, arrays: Arrays) -> None:
         """Take over nothing."""
 
-    def _object(self, number: int, row: float, column: float) -> Ints:
-        """Sum the words of an object, those of its position spread over the neighbouring ones."""
-        rows, row_weights = _window(row, self.config.spread_px)
-        columns, column_weights = _window(column, self.config.spread_px)
-        total = np.zeros(self.dimension, dtype=np.int64)
-        for r, row_weight in zip(rows, row_weights, strict=True):
-            for c, column_weight in zip(columns, column_weights, strict=True):
-                words = position_words(number, r, c, self.config.words)
-                total += _ONE * row_weight * column_weight * self._count(words[1:])
-        return total + self._class_weight * self._count((str(number),))
-
-    def _count(self, words: Sequence[str]) -> Ints:
-        """Return the signed sum of hashed words, ``(dimension,)``."""
-        if len(self._words) > _CACHE_ENTRIES:
-            self._words.clear()
-        slots = []
-        for word in words:
-            slot = self._words.get(word)
-            if slot is None:
-                slot = self._words[word] = self._slot(word)
-            slots.append(slot)
-        counts = np.bincount(np.array(slots, dtype=np.int64), minlength=2 * self.dimension)
-        return counts[: self.dimension] - counts[self.dimension :]
-
-    def _slot(self, word: str) -> int:
-        """Return where a word counts: its component, plus ``dimension`` if its sign is −1."""
-        digest = hashlib.blake2b(word.encode(), digest_size=8, salt=self._salt).digest()
-        index, negative = divmod(int.from_bytes(digest, "little"), 2)
-        return index % self.dimension + self.dimension * negative
+    def _sum_objects(self, keys: Ints) -> Ints:
+        """Sum the words of each of ``(k, 3)`` objects, ``(k, dimension)``."""
+        positions, weights = _window(keys[:, 1:], self.config.spread_px)  # (k, 2, w)
+        n, _, width = positions.shape
+        places = np.empty((n, width, width, 2), np.int64)
+        places[..., 0], places[..., 1] = positions[:, 0, :, None], positions[:, 1, None, :]
+        words = self._hasher.places(np.repeat(keys[:, 0], width * width), places.reshape(-1, 2))
+        both = (weights[:, 0, :, None] * weights[:, 1, None, :]).reshape(n, width * width)
+        return sum_spread(
+            words.reshape(n, width * width, words.shape[1]), _ONE * both, self._class_weight, self.dimension
+        )
 
 
-def _window(centre_px: float, spread_px: float) -> tuple[list[int], list[int]]:
-    """Return the whole positions nearer than ``spread_px`` and their triangular weights, in half pixels.
+@compiled
+def _object_keys(classes: Ints, centres_px: Floats) -> Ints:
+    """Return class, row and column in half pixels of each object, ``(n, 3)``."""
+    keys = np.empty((len(classes), 3), np.int64)
+    for i in range(len(classes)):
+        keys[i, 0] = classes[i]
+        for axis in range(2):
+            keys[i, axis + 1] = np.int64(np.rint(centres_px[i, axis] * np.float32(2)))
+    return keys
 
-    Without spread it is the position itself with its fraction cut off, as `words.sentences` has it.
+
+@compiled
+def sum_scene(sums: Ints, places: Ints, hashes: Hashes, hash_weight: int, scale: np.float32) -> Floats:
+    """Sum what the objects of a scene say, and scale it.
+
+    Parameters
+    ----------
+    sums, places
+        The sums of position words, ``(c, dimension)``, and which of them are those of the ``n`` objects.
+    hashes
+        ``(n, k)``, of the words about surroundings.
+    hash_weight
+        Of each of these.
+    scale
+        What the sum is multiplied with.
+
+    Returns
+    -------
+    ``(dimension,)`` float32.
+    """
+    total = np.zeros(sums.shape[1], np.int64)
+    for place in places:
+        total += sums[place]
+    for words in hashes:
+        add_words(total, words, hash_weight)
+    return total.astype(np.float32) * scale
+
+
+@compiled
+def sum_spread(words: Hashes, weights: Ints, class_weight: int, dimension: int) -> Ints:
+    """Sum the position words of objects.
+
+    Parameters
+    ----------
+    words
+        ``(n, p, w)``, of each object at each position around it; the first of them names its class.
+    weights
+        ``(n, p)``, of all words of a position but the first.
+    class_weight
+        Of the first word, which counts once.
+    dimension
+        Length of the vectors.
+
+    Returns
+    -------
+    ``(n, dimension)`` int64.
+    """
+    sums = np.zeros((len(words), dimension), np.int64)
+    for i in range(len(words)):
+        for p in range(words.shape[1]):
+            add_words(sums[i], words[i, p, 1:], weights[i, p])
+        add_words(sums[i], words[i, 0, :1], class_weight)
+    return sums
+
+
+@compiled
+def add_words(total: Ints, hashes: Hashes, weight: int) -> None:
+    """Count ``(k,)`` words: the lowest bit of a word's hash is its sign, the others say which component it adds to."""
+    dimension = np.uint64(len(total))
+    for word_hash in hashes:
+        component = (word_hash >> np.uint64(1)) % dimension
+        total[component] += -weight if word_hash & np.uint64(1) else weight
+
+
+def _window(halves: Ints, spread_px: float) -> tuple[Ints, Ints]:
+    """Return whole positions around coordinates and their triangular weights, in half pixels.
+
+    Parameters
+    ----------
+    halves
+        ``(...,)`` coordinates in half pixels.
+    spread_px
+        Positions nearer than this weigh more than 0. Without spread it is the position itself with its fraction
+        cut off, as `words.sentences` has it.
+
+    Returns
+    -------
+    positions, weights
+        Each ``(..., w)`` int64.
     """
     if not spread_px:
-        return [int(centre_px)], [1]
+        positions = np.fix(halves / 2).astype(np.int64)[..., None]
+        return positions, np.ones_like(positions)
     reach = round(2 * spread_px)
-    positions = range(int(centre_px - spread_px) - 1, int(centre_px + spread_px) + 2)
-    weights = {p: reach - round(2 * abs(p - centre_px)) for p in positions}
-    return [p for p, w in weights.items() if w > 0], [w for w in weights.values() if w > 0]
+    positions = (halves // 2)[..., None] + np.arange(-(reach // 2), reach // 2 + 1)
+    return positions, np.maximum(reach - np.abs(2 * positions - halves[..., None]), 0)

@@ -1,18 +1,20 @@
-"""How well the models of the lower line foresee a run (§4.2): as trained, from scratch, in folds, updated."""
+"""How well the lower line foresees a run (§4.2): as trained, updated, from scratch, in folds."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.metrics import confusion_matrix, r2_score
+from sklearn.metrics import r2_score
 from sklearn.model_selection import KFold, StratifiedKFold
 
-from semrl.ontology import NextStateConfig, RewardConfig, make_next_state_model, make_reward_model
-from semrl.protocols import DynamicsModel, RewardModel
-from semrl.reasoning import Reasoner
-from semrl.types import Trajectory, Transitions
+from semrl.ontology import ModelPair, NextStateConfig, NextStateNetwork, RewardConfig, make_reward_model
+from semrl.protocols import WorldModel
+from semrl.reasoning import MEMORY_DECISIONS, Reasoner
+from semrl.runs.foresight import balanced_accuracy
+from semrl.types import Floats, Ints, Moment, Trajectory, Transitions
 
 FOLDS = 5
 FEWER_UNITS = 128
@@ -20,115 +22,127 @@ FEWER_UNITS = 128
 
 SIGNS = (-1, 0, 1)
 
-Matrix = NDArray[np.float64]
+Scores = dict[str, float | None]
 
 
-def next_state_scores(reasoner: Reasoner, run: Trajectory) -> dict[str, float | None]:
-    """Return R² in percent of the next-state model on a run, in all the ways of §4.2.
+def worlds(reasoner: Reasoner, run: Trajectory) -> dict[str, WorldModel]:
+    """Return models of the world to be tested on a run: ``trained``, ``updated`` with it, from ``scratch`` with it."""
+    config, shape = reasoner.config, (reasoner.dimension, reasoner.n_actions)
 
-    ``trained``: as it is; ``updated``: after learning the run as well; ``scratch``: a new model that learned the run;
-    ``folds``: the best of five, each tested on a fifth that it did not see; and the last two for fewer neurons, where
-    the model is a network.
+    def new(**changes: Any) -> WorldModel:
+        return Reasoner(replace(config, **changes), *shape, seed=0).world
+
+    updated, scratch = new(), new()
+    updated.from_arrays(reasoner.world.to_arrays())
+    models = {"trained": reasoner.world, "updated": updated, "scratch": scratch}
+    if isinstance(scratch, ModelPair):
+        fewer = replace(config.models.next_state, hidden_units=(FEWER_UNITS,))
+        models[f"scratch-{FEWER_UNITS}"] = new(models=replace(config.models, next_state=fewer))
+    for name in models.keys() - {"trained"}:
+        models[name].partial_fit(run)
+    return {name: world for name, world in models.items() if world.is_fitted}
+
+
+def foretell(world: WorldModel, run: Trajectory) -> tuple[Floats, Ints]:
+    """Foresee every decision of a run on its own: states it leads to, ``(t, d)``, and signs of rewards, ``(t,)``."""
+    states, rewards = np.empty_like(run.states[1:]), np.zeros(len(run), np.int64)
+    for t in range(len(run)):
+        start = max(0, t + 1 - MEMORY_DECISIONS)
+        moment = Moment(states=run.states[start : t + 1][::-1], actions=run.actions[start:t][::-1], number=t)
+        told = world.imagine(moment, run.actions[None, t : t + 1])
+        states[t], rewards[t] = told.states[0, 0], np.rint(told.rewards[0, 0])
+    return states, rewards
+
+
+def r2(came: Floats, foreseen: Floats) -> float:
+    """Return R² of next states in percent, the mean over the numbers of a state."""
+    return 100 * float(r2_score(came, foreseen))
+
+
+def confusion(rewards: Floats, foreseen: Ints) -> NDArray[np.int64]:
+    """Return counts, ``(3, 3)``: what the sign was in rows, what was foreseen in columns, −1, 0 and 1."""
+    counts = np.zeros((3, 3), np.int64)
+    np.add.at(counts, (np.sign(rewards).astype(int) + 1, foreseen + 1), 1)
+    return counts
+
+
+def shares(counts: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return a confusion matrix with rows that sum to 1; zeros for a sign that was not met."""
+    return np.asarray(counts / np.maximum(counts.sum(axis=1, keepdims=True), 1))
+
+
+def examine(reasoner: Reasoner, run: Trajectory) -> tuple[Scores, Scores, Mapping[str, NDArray[np.float64]]]:
+    """Test the model of the world on a run in all the ways of §4.2.
+
+    Returns
+    -------
+    next_states
+        R² in percent of each of `worlds`, and for the thesis's models of the best of five ``folds``, with fewer
+        neurons as well.
+    rewards
+        Balanced accuracy in percent, likewise.
+    matrices
+        Confusion matrices of ``trained``, ``updated`` and ``scratch``.
     """
-    config, told = reasoner.config.next_state, reasoner.told(run).transitions
-
-    def score(model: DynamicsModel, on: Transitions) -> float:
-        return r2(model, on, reasoner.dimension)
-
-    def make(config: NextStateConfig) -> DynamicsModel:
-        return make_next_state_model(config, told.states.shape[1], reasoner.n_actions)
-
-    folds = list(KFold(min(FOLDS, len(told))).split(np.arange(len(told))))
-    updated = make(config)
-    updated.from_arrays(reasoner.next_state.to_arrays())
-    scores = {
-        "trained": score(reasoner.next_state, told),
-        "updated": score(_fitted(updated, config, told), told),
-        **_anew(lambda: make(config), config, told, folds, score),
-    }
-    if config.kind == "network":
-        smaller = replace(config, hidden_units=(FEWER_UNITS,))
-        anew = _anew(lambda: make(smaller), smaller, told, folds, score)
-        scores |= {f"{name}-{FEWER_UNITS}": value for name, value in anew.items()}
-    return {name: 100 * value for name, value in scores.items()}
+    next_states: Scores = {}
+    rewards: Scores = {}
+    matrices = {}
+    for name, world in worlds(reasoner, run).items():
+        foreseen, signs = foretell(world, run)
+        next_states[name] = r2(run.states[1:], foreseen)
+        if name != f"scratch-{FEWER_UNITS}":
+            counts = confusion(run.rewards, signs)
+            rewards[name], matrices[name] = 100 * balanced_accuracy(counts), shares(counts)
+    if isinstance(reasoner.world, ModelPair):
+        next_states |= _next_state_folds(reasoner, run.transitions)
+        rewards |= _reward_folds(reasoner, run.transitions)
+    return next_states, rewards, matrices
 
 
-def reward_scores(reasoner: Reasoner, run: Trajectory) -> tuple[dict[str, float | None], dict[str, Matrix]]:
-    """Return balanced accuracy in percent of the reward model on a run, as `next_state_scores`, and confusion matrices.
+def _next_state_folds(reasoner: Reasoner, run: Transitions) -> Scores:
+    """Return the best of five stretches, each foreseen by a network that learned the others."""
+    given = reasoner.config.models.next_state
+    folds = list(KFold(min(FOLDS, len(run))).split(np.arange(len(run))))
 
-    The matrices are those of ``trained``, ``updated`` and ``scratch``, ``(3, 3)``: a row for each sign of −1, 0, 1,
-    shares that sum to 1; zeros for a sign that the run does not have.
-    """
-    config, told = reasoner.config.reward, reasoner.told(run).transitions
+    def best(config: NextStateConfig) -> float:
+        return _best_fold(
+            partial(NextStateNetwork, config, reasoner.dimension, reasoner.n_actions),
+            config,
+            run,
+            folds,
+            lambda model, on: r2(on.next_states, model.predict(on.states, on.previous, on.actions)),
+        )
 
-    def make() -> RewardModel:
-        return make_reward_model(config, told.states.shape[1], reasoner.n_actions)
-
-    updated = make()
-    updated.from_arrays(reasoner.reward.to_arrays())
-    models = {
-        "trained": reasoner.reward,
-        "updated": _fitted(updated, config, told),
-        "scratch": _fitted(make(), config, told),
-    }
-    matrices = {name: confusion(model, told) for name, model in models.items()}
-    scores: dict[str, float] = {name: balanced_accuracy(model, told) for name, model in models.items()}
-    signs = np.sign(told.rewards).astype(int)
-    rarest = np.unique(signs, return_counts=True)[1].min()
-    if min(rarest, len(told)) >= 2 and len(np.unique(signs)) > 1:
-        folds = list(StratifiedKFold(min(FOLDS, int(rarest))).split(signs, signs))
-        scores["folds"] = _best_fold(make, config, told, folds, balanced_accuracy)
-    return {name: 100 * value for name, value in scores.items()}, matrices
+    return {"folds": best(given), f"folds-{FEWER_UNITS}": best(replace(given, hidden_units=(FEWER_UNITS,)))}
 
 
-def r2(model: DynamicsModel, on: Transitions, dimension: int) -> float:
-    """Return R² of the predicted next states, the mean over the numbers of a state.
+def _reward_folds(reasoner: Reasoner, run: Transitions) -> Scores:
+    """Return the best of five folds that keep the share of each sign; none where a sign was met but once."""
+    config = reasoner.config.models.reward
+    signs = np.sign(run.rewards).astype(int)
+    kinds, counts = np.unique(signs, return_counts=True)
+    if len(kinds) < 2 or counts.min() < 2:
+        return {}
 
-    Parameters
-    ----------
-    model
-        Predicts.
-    on
-        What came; states may have past actions behind their first `dimension` numbers, which do not count.
-    dimension
-        Numbers of a state.
-    """
-    predicted = model.predict(on.states, on.previous, on.actions)
-    return float(r2_score(on.next_states[:, :dimension], predicted[:, :dimension]))
+    def score(model: Any, on: Transitions) -> float:
+        return 100 * balanced_accuracy(confusion(on.rewards, model.predict(on.states, on.previous, on.actions)))
 
-
-def balanced_accuracy(model: RewardModel, on: Transitions) -> float:
-    """Return the mean, over the signs that were met, of the share that was predicted, 0 … 1."""
-    truth, predicted = np.sign(on.rewards).astype(int), model.predict(on.states, on.previous, on.actions)
-    return float(np.mean([np.mean(predicted[truth == sign] == sign) for sign in np.unique(truth)]))
-
-
-def confusion(model: RewardModel, on: Transitions) -> Matrix:
-    """Return the confusion matrix, ``(3, 3)``, rows normalised; zeros for a sign that was not met."""
-    truth, predicted = np.sign(on.rewards).astype(int), model.predict(on.states, on.previous, on.actions)
-    counts = confusion_matrix(truth, predicted, labels=SIGNS)
-    shares: Matrix = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
-    return shares
-
-
-def _anew(
-    make: Callable[[], Any], config: Any, told: Transitions, folds: Any, score: Callable[[Any, Transitions], float]
-) -> dict[str, float]:
-    """Score new models: one that learned the run, and the best of those that missed a part, on that part."""
-    return {
-        "scratch": score(_fitted(make(), config, told), told),
-        "folds": _best_fold(make, config, told, folds, score),
-    }
+    folds = StratifiedKFold(min(FOLDS, int(counts.min()))).split(signs, signs)
+    make = partial(make_reward_model, config, reasoner.dimension, reasoner.n_actions)
+    return {"folds": _best_fold(make, config, run, list(folds), score)}
 
 
 def _best_fold(
-    make: Callable[[], Any], config: Any, told: Transitions, folds: Any, score: Callable[[Any, Transitions], float]
+    make: Callable[[], Any],
+    config: NextStateConfig | RewardConfig,
+    run: Transitions,
+    folds: list[tuple[Ints, Ints]],
+    score: Callable[[Any, Transitions], float],
 ) -> float:
-    return max(score(_fitted(make(), config, told.take(seen)), told.take(kept)) for seen, kept in folds)
-
-
-def _fitted(model: Any, config: NextStateConfig | RewardConfig, transitions: Transitions) -> Any:
-    """Let a model learn as it does after an episode."""
-    for _ in range(1 if config.kind == "trees" else config.epochs):
-        model.partial_fit(transitions)
-    return model
+    scores = []
+    for seen, kept in folds:
+        model = make()
+        for _ in range(config.epochs):
+            model.partial_fit(run.take(seen))
+        scores.append(score(model, run.take(kept)))
+    return max(scores)

@@ -123,7 +123,7 @@ def _networks(config: RunConfig) -> tuple[Figure, ...]:
         (f"model {model}", _layers(build_network(shape, n_actions, config.agent.network, seed=0), _input(shape)))
         for model, shape in shown.items()
     )
-    model = NextStateNetwork(config.reasoning.next_state, dimension, n_actions)
+    model = NextStateNetwork(config.reasoning.models.next_state, dimension, n_actions)
     inputs = f"state {dimension}, difference {dimension}, action {n_actions}"
     return (
         Figure(

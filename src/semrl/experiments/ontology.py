@@ -9,7 +9,7 @@ from sklearn.decomposition import PCA
 from semrl.errors import UsageError
 from semrl.experiments.base import Experiment, Lab
 from semrl.experiments.figures import Figure, Matrix, Network, Panel
-from semrl.experiments.foresight import SIGNS, next_state_scores, reward_scores
+from semrl.experiments.foresight import SIGNS, examine
 from semrl.experiments.results import Number, Result
 from semrl.experiments.scores import SWEEPS
 from semrl.experiments.sweep import RunSpec
@@ -110,11 +110,11 @@ def new_run(player: Player, reasoner: Reasoner, most: int | None) -> Trajectory:
         step = after
         if decisions == most:
             break
-    return record.finish(step.state[0, : reasoner.dimension])
+    return record.so_far(step.state[0, : reasoner.dimension])
 
 
 def _test(reasoner: Reasoner, run: Trajectory) -> _Tested:
-    rewards, matrices = reward_scores(reasoner, run)
+    next_states, rewards, matrices = examine(reasoner, run)
     described, drawn = _map(reasoner, run)
     tests: dict[str, Mapping[str, float | None]] = {
         "new-run": {
@@ -122,7 +122,7 @@ def _test(reasoner: Reasoner, run: Trajectory) -> _Tested:
             "gains": int((run.rewards > 0).sum()),
             "losses": int((run.rewards < 0).sum()),
         },
-        "next-state": next_state_scores(reasoner, run),
+        "next-state": next_states,
         "reward": rewards,
         "map": described,
     }
@@ -173,6 +173,7 @@ def _figures(tested: Mapping[tuple[str, str], _Tested]) -> tuple[Figure, ...]:
             for (kind, preset), test in tested.items()
             if kind == states
             for name in names
+            if name in test.matrices  # trees are not grown from a short run
         )
 
     def maps(states: str) -> tuple[tuple[str, Panel], ...]:

@@ -39,7 +39,7 @@ SWEEPS: dict[Scale, Sweep] = {
         overrides={
             "pipeline": {"doc2vec": {"documents": 1000}},
             "agent": {"initial_buffer": 500, "exploration_frames": 8_000},
-            "reasoning": {"next_state": {"epochs": 5}},
+            "reasoning": {"models": {"next_state": {"epochs": 5}}},
             "evaluation": {"max_noops": 0},
         },
         planner_episodes=1,
@@ -57,13 +57,18 @@ SWEEPS: dict[Scale, Sweep] = {
             },
             "stability": {"batches": 5, "max_batches": 20},
             "evaluation": {"max_noops": 0},
-            "reasoning": {"short_term": {"depth": 1}},
             "models": {
+                "ram-map": {
+                    "reasoning": {"short_term": {"depth": 3, "scenarios": 4}, "trees": {"first_decisions": 200}},
+                },
                 "semantic-map": {
                     "env": "semrl/Catch-v0",
                     "reasoning": {
-                        "next_state": {"epochs": 1, "hidden_units": [16]},
-                        "reward": {"epochs": 1, "hidden_units": [8]},
+                        "short_term": {"depth": 1},
+                        "models": {
+                            "next_state": {"epochs": 1, "hidden_units": [16]},
+                            "reward": {"epochs": 1, "hidden_units": [8]},
+                        },
                     },
                 },
             },

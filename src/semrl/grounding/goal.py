@@ -17,19 +17,24 @@ class GoalConfig:
 
     parts: tuple[GoalPart, ...] = ("actions", "state", "reward")
     """Of the best scenario: the actions, the state it is predicted to end in, its predicted return."""
+    decisions: int = 0
+    """How many of its actions are told, from the first; 0: all."""
 
     def __post_init__(self) -> None:
         if not self.parts or len(set(self.parts)) < len(self.parts):
             raise UsageError(f"goal.parts must name at least one part, each once, not {self.parts}")
+        if self.decisions < 0:
+            raise UsageError(f"goal.decisions must be 0 or more, not {self.decisions}")
 
 
 def goal_size(config: GoalConfig, *, dimension: int, depth: int, n_actions: int) -> int:
     """Return the length of the goal vector for states of ``dimension`` numbers and scenarios of ``depth`` actions."""
-    sizes = {"actions": depth * n_actions, "state": dimension, "reward": 1}
+    told = min(config.decisions or depth, depth)
+    sizes = {"actions": told * n_actions, "state": dimension, "reward": 1}
     return sum(sizes[part] for part in config.parts)
 
 
-def ground(plan: Plan, config: GoalConfig, *, hold_decisions: int, n_actions: int) -> Floats:
+def ground(plan: Plan, config: GoalConfig, *, n_actions: int) -> Floats:
     """Write the best scenario of a plan as a vector.
 
     Parameters
@@ -38,8 +43,6 @@ def ground(plan: Plan, config: GoalConfig, *, hold_decisions: int, n_actions: in
         What the planner proposes.
     config
         Which parts, in which order.
-    hold_decisions
-        Decisions for which the scenario repeats each action: it is told once.
     n_actions
         Number of actions; each is told as so many numbers, a 1 among zeros.
 
@@ -48,7 +51,7 @@ def ground(plan: Plan, config: GoalConfig, *, hold_decisions: int, n_actions: in
     ndarray
         `goal_size` float32.
     """
-    chosen = plan.actions[::hold_decisions]
+    chosen = plan.actions[: config.decisions or None]
     parts = {
         "actions": np.eye(n_actions, dtype=np.float32)[chosen].ravel(),
         "state": plan.scenarios.states[0, -1],

@@ -4,38 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.arrays import Arrays
-from semrl.types import Floats, Ints, Trajectory, Transitions
+from semrl.types import NO_ACTION, Floats, Ints, Moment, Trajectory, Transitions
 
 REWARD_WINDOW = 16
 """Decisions before a reward that count as having led to it."""
 
 _END = -1  # stands for the action after the last state of an episode
-
-
-NO_ACTION = -1
-"""Stands where there was no action yet."""
-
-
-def with_past_actions(states: Floats, actions: Ints, count: int) -> Floats:
-    """Write the last few actions behind each state of an episode, the newest first.
-
-    Parameters
-    ----------
-    states
-        ``(t + 1, d)``.
-    actions
-        ``(t,)``.
-    count
-        How many, ``k``.
-
-    Returns
-    -------
-    ndarray
-        ``(t + 1, d + k)`` float32; −1 stands for actions before the first.
-    """
-    padded = np.concatenate([np.full(count, NO_ACTION), actions]).astype(np.float32)
-    past = [padded[count - 1 - i :][: len(states), None] for i in range(count)]
-    return np.concatenate([states, *past], axis=1)
 
 
 class EpisodeRecord:
@@ -59,20 +33,26 @@ class EpisodeRecord:
         self._actions.append(action)
         self._rewards.append(reward)
 
-    def recent_actions(self, count: int) -> Floats:
-        """Return the last few actions, the newest first, ``(count,)`` float32; −1 before the first."""
-        newest_first = self._actions[::-1][:count]
-        return np.array(newest_first + [NO_ACTION] * (count - len(newest_first)), dtype=np.float32)
+    def __len__(self) -> int:
+        """How many decisions were noted."""
+        return len(self._actions)
 
-    def finish(self, last: Floats) -> Trajectory:
-        """Return the episode, whose last state is ``last``, and begin another."""
-        trajectory = Trajectory(
+    def moment(self, state: Floats, length: int, proposed: Ints) -> Moment:
+        """Return where a plan from the present state, ``(d,)``, begins, with up to so many states and actions."""
+        return Moment(
+            states=np.array([state, *self._states[: -length - 1 : -1]][:length], dtype=np.float32),
+            actions=np.array(self._actions[: -length - 1 : -1], dtype=np.int64),
+            number=len(self),
+            proposed=proposed,
+        )
+
+    def so_far(self, last: Floats) -> Trajectory:
+        """Return the episode up to the state ``last``, ``(d,)``."""
+        return Trajectory(
             states=np.array([*self._states, last], dtype=np.float32),
             actions=np.array(self._actions, dtype=np.int64),
             rewards=np.array(self._rewards, dtype=np.float32),
         )
-        self.clear()
-        return trajectory
 
     def clear(self) -> None:
         """Begin another episode."""
@@ -145,6 +125,35 @@ class Experience:
         kinds = [kind for kind in (decisions[signs == sign] for sign in (-1, 0, 1)) if len(kind)]
         shares = [len(part) for part in np.array_split(np.empty(count), len(kinds))]
         return self._at(np.concatenate([rng.choice(kind, n) for kind, n in zip(kinds, shares, strict=True)]))
+
+    def joined(self, trajectory: Trajectory) -> "Experience":
+        """Return all that is remembered and one more episode; this one stays as it is."""
+        more = Experience(self.capacity, self._states.shape[1])
+        more.from_arrays(self.to_arrays())
+        more.add(trajectory)
+        return more
+
+    def windows(self, n_states: int, n_actions: int) -> tuple[Floats, Ints, Ints, Floats, Floats]:
+        """Return every decision with what was before it.
+
+        Returns
+        -------
+        tuple
+            States, ``(n, n_states, d)``, and actions before, ``(n, n_actions)``, the newest first, as in
+            `Moment`; action and reward, ``(n,)``; the next state, ``(n, d)``.
+        """
+        places = self._decisions()
+        starts = np.concatenate([[0], np.flatnonzero(self._actions == _END)[:-1] + 1])
+        first = starts[np.searchsorted(starts, places, side="right") - 1][:, None]  # of the same episode
+        before = places[:, None] - np.arange(n_states)  # (n, n_states)
+        earlier = places[:, None] - 1 - np.arange(n_actions)
+        return (
+            self._states[np.maximum(before, first)],
+            np.where(earlier >= first, self._actions[np.maximum(earlier, 0)], NO_ACTION),
+            self._actions[places],
+            self._rewards[places],
+            self._states[places + 1],
+        )
 
     def to_arrays(self) -> Arrays:
         """Return all that is remembered."""

@@ -1,7 +1,7 @@
 """Predicting what state comes next (§3.4.3, Fig. 3.9)."""
 
 from dataclasses import dataclass
-from typing import Literal, Self
+from typing import Self
 
 import numpy as np
 from torch.nn import functional
@@ -9,7 +9,6 @@ from torch.nn import functional
 from semrl.arrays import Arrays
 from semrl.errors import UsageError
 from semrl.ontology.network import DenseNetwork, NetworkModel, spread
-from semrl.ontology.trees import TreeModel
 from semrl.types import Floats, Ints, Transitions
 
 
@@ -17,8 +16,6 @@ from semrl.types import Floats, Ints, Transitions
 class NextStateConfig:
     """Settings of the next-state model; the defaults are the thesis's (§3.4.3)."""
 
-    kind: Literal["network", "trees"] = "network"
-    """A network, or regression trees for short states, which need no rehearsal; the last two settings are theirs."""
     hidden_units: tuple[int, ...] = (512,)
     """Width of each dense layer."""
     layer_norm: bool = False
@@ -37,27 +34,11 @@ class NextStateConfig:
     """Predict what changes in place of the whole state, inputs and changes scaled as in the first episode, with the
     squared error linear beyond 1."""
 
-    leaf_decisions: int = 2
-    """Of trees: fewest decisions in a leaf."""
-    capacity: int = 100_000
-    """Of trees: decisions remembered."""
-
     def __post_init__(self) -> None:
-        if self.leaf_decisions < 1 or self.capacity < 1:
-            raise UsageError("next_state.leaf_decisions and capacity must be 1 or more")
         if min(*self.hidden_units, self.batch_size, self.epochs) < 1:
             raise UsageError("next_state.hidden_units, batch_size and epochs must all be 1 or more")
         if not (self.learning_rate > 0 and 0 <= self.adam_beta1 < 1 and 0 <= self.adam_beta2 < 1):
             raise UsageError("next_state.learning_rate must be above 0, and adam_beta1 and adam_beta2 lie in 0 … 1")
-
-
-def make_next_state_model(
-    config: NextStateConfig, dimension: int, n_actions: int, *, seed: int = 0
-) -> "NextStateNetwork | NextStateTrees":
-    """Make the model that the configuration asks for."""
-    if config.kind == "trees":
-        return NextStateTrees(config, dimension, n_actions)
-    return NextStateNetwork(config, dimension, n_actions, seed=seed)
 
 
 class NextStateNetwork(NetworkModel):
@@ -117,30 +98,3 @@ class NextStateNetwork(NetworkModel):
         """Go on exactly where `to_arrays` was called."""
         super().from_arrays(arrays)
         self._change_scale = arrays["change_scale"]
-
-
-class NextStateTrees(TreeModel):
-    """A regression tree for the change of each number of the state.
-
-    Parameters
-    ----------
-    config
-        See `NextStateConfig`.
-    dimension
-        Length of a state, at most 32.
-    n_actions
-        Number of actions.
-    """
-
-    def __init__(self, config: NextStateConfig, dimension: int, n_actions: int) -> None:
-        super().__init__(dimension, n_actions, leaf_decisions=config.leaf_decisions, capacity=config.capacity)
-        self.config = config
-
-    def predict(self, states: Floats, previous: Floats, actions: Ints) -> Floats:
-        """Return the next states, ``(b, d)`` float32; the same ones before anything was learned."""
-        if not self.is_fitted:
-            return states.copy()
-        return states + self._ask(states, previous, actions).astype(np.float32)
-
-    def _wanted(self, transitions: Transitions) -> Floats:
-        return transitions.next_states - transitions.states

@@ -11,7 +11,6 @@ from torch.nn import functional
 from semrl.arrays import Arrays
 from semrl.errors import UsageError
 from semrl.ontology.network import DenseNetwork, NetworkModel, features
-from semrl.ontology.trees import TreeModel
 from semrl.types import Floats, Ints, Transitions
 
 SIGNS: Ints = np.array([-1, 0, 1])
@@ -21,8 +20,8 @@ SIGNS: Ints = np.array([-1, 0, 1])
 class RewardConfig:
     """Settings of the reward model; the defaults are the thesis's (§3.4.3)."""
 
-    kind: Literal["svm", "network", "trees"] = "svm"
-    """Three linear machines, one against all; a network; or a regression tree, for short states."""
+    kind: Literal["svm", "network"] = "svm"
+    """Three linear machines, one against all, or a network."""
     svm_lambda: float = 1e-4
     """Weight of the margin against the hinge loss."""
     hidden_units: tuple[int, ...] = (128,)
@@ -36,14 +35,7 @@ class RewardConfig:
     epochs: int = 1
     """Passes over an episode after its end."""
 
-    leaf_decisions: int = 2
-    """Of the tree: fewest decisions in a leaf."""
-    capacity: int = 100_000
-    """Of the tree: decisions remembered."""
-
     def __post_init__(self) -> None:
-        if self.leaf_decisions < 1 or self.capacity < 1:
-            raise UsageError("reward.leaf_decisions and capacity must be 1 or more")
         if min(*self.hidden_units, self.batch_size, self.epochs) < 1:
             raise UsageError("reward.hidden_units, batch_size and epochs must all be 1 or more")
         if not (self.svm_lambda > 0 and self.learning_rate > 0):
@@ -58,13 +50,11 @@ def _signs(scores: NDArray[Any]) -> Ints:
 
 def make_reward_model(
     config: RewardConfig, dimension: int, n_actions: int, *, seed: int = 0
-) -> "RewardSVM | RewardNetwork | RewardTree":
+) -> "RewardSVM | RewardNetwork":
     """Make the model that the configuration asks for."""
     if config.kind == "svm":
         return RewardSVM(config, dimension, n_actions, seed=seed)
-    if config.kind == "network":
-        return RewardNetwork(config, dimension, n_actions, seed=seed)
-    return RewardTree(config, dimension, n_actions)
+    return RewardNetwork(config, dimension, n_actions, seed=seed)
 
 
 class RewardSVM:
@@ -170,30 +160,3 @@ class RewardNetwork(NetworkModel):
         if not self.is_fitted:
             return np.zeros(len(states), np.int64)
         return _signs(self.network(self._rows(states, previous, actions)))
-
-
-class RewardTree(TreeModel):
-    """A regression tree for the sign of the reward, rounded.
-
-    Parameters
-    ----------
-    config
-        See `RewardConfig`.
-    dimension
-        Length of a state, at most 32.
-    n_actions
-        Number of actions.
-    """
-
-    def __init__(self, config: RewardConfig, dimension: int, n_actions: int) -> None:
-        super().__init__(dimension, n_actions, leaf_decisions=config.leaf_decisions, capacity=config.capacity)
-        self.config = config
-
-    def predict(self, states: Floats, previous: Floats, actions: Ints) -> Ints:
-        """Return −1, 0 or 1 for each row, ``(b,)`` int64; 0 before anything was learned."""
-        if not self.is_fitted:
-            return np.zeros(len(states), np.int64)
-        return np.rint(self._ask(states, previous, actions)[:, 0]).astype(np.int64)
-
-    def _wanted(self, transitions: Transitions) -> Floats:
-        return np.sign(transitions.rewards)[:, None]

@@ -1,73 +1,84 @@
-"""Regression trees: exact where the world follows rules, which networks only come near to.
+"""Regression trees that foresee: exact where the world follows rules, which networks only come near to.
 
-Coordinates in a game change by rules with sharp borders: a ball turns back where it meets a paddle and nowhere else.
-CART trees (Breiman et al. 1984) find such borders. They are fitted by scikit-learn and asked in compiled code: a plan
-asks for hundreds of rows, a few at a time.
+Things in a game move by rules with sharp borders: a ball turns back where it meets a paddle and nowhere else. Trees
+find such borders. Several forests, each grown from its own draw of what was lived (bagging, Breiman 1996), agree where
+much was lived; where they do not, a plan should not trust one of them.
 """
 
-from abc import ABC, abstractmethod
-from typing import Any, Self
+from typing import Self
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.tree import DecisionTreeRegressor
 
-from semrl.arrays import Arrays, nest, unnest
-from semrl.errors import UsageError
-from semrl.ontology.network import features
-from semrl.types import Floats, Ints, Transitions
+from semrl.arrays import Arrays
+from semrl.ontology.cart import bins_of, grow_tree
+from semrl.types import Floats, Ints
 
-MAX_DIMENSION = 32
-"""Longest state that trees are fitted to; they look at all pairs of numbers."""
-GROWTH = 1.1
-"""Trees are fitted anew when there is so many times as much to learn from."""
+Trees = tuple[NDArray[np.int32], Floats, Ints]
+"""Nodes, numbers and roots; see `Forests`."""
 
 
-def relational_features(states: Floats, previous: Floats, actions: Ints, n_actions: int) -> Floats:
-    """Lay out what trees see: state, difference, action, and how numbers relate, now and after as much change again.
-
-    A tree compares one number with a threshold at a time, so "the ball is below the paddle" must be one number.
-    """
-    first, second = np.triu_indices(states.shape[1], k=1)
-    ahead = 2 * states - previous  # where everything is if it goes on like this
-    relations = [states[:, first] - states[:, second], ahead, ahead[:, first] - ahead[:, second]]
-    return np.concatenate([features(states, previous, actions, n_actions), *relations], axis=1, dtype=np.float32)
-
-
-class Forest:
-    """One regression tree for each number to be predicted, as arrays.
+class Forests:
+    """Regression trees for every number to be predicted, several of each.
 
     Parameters
     ----------
-    leaf_decisions
+    members
+        Forests; the first rows' trees are the first one's.
+    leaf_rows
         Fewest rows in a leaf.
     """
 
-    def __init__(self, leaf_decisions: int) -> None:
-        self.leaf_decisions = leaf_decisions
-        self._nodes = np.zeros((0, 3), np.int64)  # (k, 3): feature, left child, right child; −1 in leaves
-        self._numbers = np.zeros((0, 2))  # (k, 2): threshold, value
-        self._roots = np.zeros(0, np.int64)
+    def __init__(self, members: int, leaf_rows: int) -> None:
+        self.members = members
+        self.leaf_rows = leaf_rows
+        self._nodes = np.zeros((0, 2), np.int32)  # (k, 2): feature, left child; both −1 in leaves
+        self._numbers = np.zeros((0, 2), np.float32)  # (k, 2): cut, value
+        self._roots = np.zeros((members, 0), np.int64)  # (members, targets)
 
-    def fit(self, rows: Floats, wanted: NDArray[Any]) -> Self:
-        """Grow a tree for each column of ``(n, k)`` wanted numbers from ``(n, d)`` rows."""
-        nodes, numbers, roots, size = [], [], [], 0
-        for column in wanted.T:
-            tree = DecisionTreeRegressor(min_samples_leaf=self.leaf_decisions, random_state=0).fit(rows, column).tree_
-            children = np.stack([tree.children_left, tree.children_right], axis=1)
-            children = np.where(children >= 0, children + size, -1)
-            nodes.append(np.column_stack([np.where(children[:, 0] >= 0, tree.feature, -1), children]))
-            numbers.append(np.column_stack([tree.threshold, tree.value[:, 0, 0]]))
-            roots.append(size)
-            size += tree.node_count
-        self._nodes, self._numbers = np.concatenate(nodes).astype(np.int64), np.concatenate(numbers)
-        self._roots = np.array(roots, np.int64)
+    def fit(self, rows: Floats, wanted: NDArray[np.float64], rng: np.random.Generator) -> Self:
+        """Grow trees for each column of ``(n, k)`` wanted numbers from ``(n, d)`` rows.
+
+        A single forest learns from all rows, each of several from as many rows drawn with replacement.
+        """
+        places, cuts = bins_of(rows)
+        nodes, numbers, size = [], [], 0
+        self._roots = np.zeros((self.members, wanted.shape[1]), np.int64)
+        for member, target in np.ndindex(self._roots.shape):
+            if target == 0:
+                drawn = rng.integers(len(rows), size=len(rows)) if self.members > 1 else np.arange(len(rows))
+            column = np.ascontiguousarray(wanted[:, target], np.float64)
+            tree, values = grow_tree(places, cuts, column, drawn, self.leaf_rows)
+            tree[:, 1] += np.where(tree[:, 0] >= 0, size, 0).astype(np.int32)
+            self._roots[member, target] = size
+            nodes.append(tree)
+            numbers.append(values)
+            size += len(tree)
+        self._nodes, self._numbers = np.concatenate(nodes), np.concatenate(numbers)
         return self
 
-    def __call__(self, rows: Floats) -> NDArray[np.float64]:
-        """Return what the trees predict, ``(b, k)``, for ``(b, d)`` rows."""
-        return np.asarray(_descend(self._nodes, self._numbers, self._roots, np.ascontiguousarray(rows)))
+    def __call__(self, rows: Floats) -> Floats:
+        """Return what each forest predicts, ``(members, b, k)``, for ``(b, d)`` rows."""
+        return np.asarray(_ask((self._nodes, self._numbers, self._roots), np.ascontiguousarray(rows, np.float32)))
+
+    def roll(self, states: Floats, actions: Floats, sequences: Ints) -> tuple[Floats, Floats]:
+        """Roll sequences of actions forward in every forest, whose last tree predicts the reward.
+
+        Parameters
+        ----------
+        states, actions
+            ``(h, d)`` and ``(p,)`` of the past, the newest first.
+        sequences
+            ``(s, t)``.
+
+        Returns
+        -------
+        tuple
+            ``(s, t, d)`` states that the first forest foresees, and ``(members, s, t)`` rewards. After its first
+            reward a scenario stands still: what follows is another rally, of which little is known.
+        """
+        return _roll((self._nodes, self._numbers, self._roots), states, actions, sequences)
 
     def to_arrays(self) -> Arrays:
         """Return the trees."""
@@ -78,120 +89,109 @@ class Forest:
         self._nodes, self._numbers, self._roots = (arrays[name] for name in ("nodes", "numbers", "roots"))
 
 
-class Memory:
-    """The newest decisions, from which trees are grown, and how many there were at the last growing.
+@numba.njit(cache=True)
+def lay_out(states: Floats, actions: Ints, chosen: Ints) -> Floats:
+    """Lay out what trees see of many moments, ``(n, f)``; see `_lay_out`.
 
     Parameters
     ----------
-    capacity
-        Decisions kept, oldest first to go.
-    dimension
-        Length of a state.
-
-    Raises
-    ------
-    UsageError
-        When states are too long for trees.
+    states, actions
+        ``(n, h, d)`` and ``(n, p)``, the newest first.
+    chosen
+        ``(n,)`` actions.
     """
-
-    def __init__(self, capacity: int, dimension: int) -> None:
-        if dimension > MAX_DIMENSION:
-            raise UsageError(
-                f"trees learn from states of at most {MAX_DIMENSION} numbers, not {dimension}; use a network"
-            )
-        self.capacity = capacity
-        self.seen_ = 0
-        self.fitted_ = 0
-        none, nothing = np.zeros((0, dimension), np.float32), np.zeros(0, np.float32)
-        self.transitions = Transitions(
-            states=none, previous=none, actions=np.zeros(0, np.int64), rewards=nothing, next_states=none
-        )
-
-    def add(self, transitions: Transitions) -> bool:
-        """Remember decisions; return whether there is enough new to grow trees anew."""
-        joined = {
-            name: np.concatenate([getattr(self.transitions, name), getattr(transitions, name)])[-self.capacity :]
-            for name in Transitions.__dataclass_fields__
-        }
-        self.transitions = Transitions(**joined)
-        self.seen_ += len(transitions)
-        if self.seen_ < GROWTH * self.fitted_ or not self.seen_:
-            return False
-        self.fitted_ = self.seen_
-        return True
-
-    def to_arrays(self) -> Arrays:
-        """Return all that is remembered."""
-        own = {name: getattr(self.transitions, name) for name in Transitions.__dataclass_fields__}
-        return own | {"counts": np.array([self.seen_, self.fitted_])}
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Take over what `to_arrays` returned."""
-        self.transitions = Transitions(**{name: arrays[name] for name in Transitions.__dataclass_fields__})
-        self.seen_, self.fitted_ = (int(count) for count in arrays["counts"])
-
-
-class TreeModel(ABC):
-    """A model made of trees, grown anew from all that it remembers whenever there is a tenth more.
-
-    Parameters
-    ----------
-    dimension
-        Length of a state, at most 32.
-    n_actions
-        Number of actions.
-    leaf_decisions
-        Fewest decisions in a leaf.
-    capacity
-        Decisions remembered.
-    """
-
-    def __init__(self, dimension: int, n_actions: int, *, leaf_decisions: int, capacity: int) -> None:
-        self.dimension = dimension
-        self.n_actions = n_actions
-        self.forest = Forest(leaf_decisions)
-        self.memory = Memory(capacity, dimension)
-
-    @abstractmethod
-    def _wanted(self, transitions: Transitions) -> NDArray[Any]:
-        """Return what is to be predicted, ``(t, k)``."""
-
-    @property
-    def is_fitted(self) -> bool:
-        """Whether anything was learned yet."""
-        return self.memory.fitted_ > 0
-
-    def partial_fit(self, transitions: Transitions) -> Self:
-        """Remember some transitions and, when there are enough new ones, grow the trees from all."""
-        if self.memory.add(transitions):
-            known = self.memory.transitions
-            rows = relational_features(known.states, known.previous, known.actions, self.n_actions)
-            self.forest.fit(rows, self._wanted(known))
-        return self
-
-    def _ask(self, states: Floats, previous: Floats, actions: Ints) -> NDArray[np.float64]:
-        return self.forest(relational_features(states, previous, actions, self.n_actions))
-
-    def to_arrays(self) -> Arrays:
-        """Return trees and memory."""
-        return nest(forest=self.forest.to_arrays(), memory=self.memory.to_arrays())
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Go on exactly where `to_arrays` was called."""
-        self.forest.from_arrays(unnest(arrays, "forest"))
-        self.memory.from_arrays(unnest(arrays, "memory"))
+    n, past, dimension = states.shape
+    rows = np.empty((n, _width(dimension, past, actions.shape[1])), np.float32)
+    for i in range(n):
+        _lay_out(states[i], actions[i], chosen[i], rows[i])
+    return rows
 
 
 @numba.njit(cache=True)
-def _descend(
-    nodes: NDArray[np.int64], numbers: NDArray[np.float64], roots: NDArray[np.int64], rows: NDArray[np.float32]
-) -> NDArray[np.float64]:
-    predicted = np.empty((len(rows), len(roots)))
-    for i in range(len(rows)):
-        for j in range(len(roots)):
-            node = roots[j]
-            while nodes[node, 0] >= 0:
-                goes_left = rows[i, nodes[node, 0]] <= numbers[node, 0]
-                node = nodes[node, 1] if goes_left else nodes[node, 2]
-            predicted[i, j] = numbers[node, 1]
-    return predicted
+def _width(dimension: int, past_states: int, past_actions: int) -> int:
+    return dimension * (past_states + 1) + dimension * (dimension - 1) + 1 + past_actions
+
+
+@numba.njit(cache=True)
+def _lay_out(states: Floats, actions: Floats, chosen: int, row: Floats) -> None:
+    """Write the state, how it changed from decision to decision, how its numbers relate, and the actions.
+
+    A tree compares one number with a cut at a time, so "the ball is below the paddle" must be one number: the
+    differences of all pairs, now and after as much change again.
+    """
+    past, dimension = states.shape
+    at = 0
+    for i in range(dimension):
+        row[at] = states[0, i]
+        row[at + dimension] = 2 * states[0, i] - states[1, i]
+        at += 1
+    at += dimension
+    for h in range(past - 1):
+        for i in range(dimension):
+            row[at] = states[h, i] - states[h + 1, i]
+            at += 1
+    for i in range(dimension):
+        for j in range(i + 1, dimension):
+            row[at] = states[0, i] - states[0, j]
+            row[at + 1] = row[dimension + i] - row[dimension + j]
+            at += 2
+    row[at] = chosen
+    for k in range(len(actions)):
+        row[at + 1 + k] = actions[k]
+
+
+@numba.njit(cache=True)
+def _descend(nodes: NDArray[np.int32], numbers: Floats, root: int, row: Floats) -> float:
+    node = root
+    while nodes[node, 0] >= 0:
+        node = nodes[node, 1] + (row[nodes[node, 0]] > numbers[node, 0])
+    return float(numbers[node, 1])
+
+
+@numba.njit(cache=True)
+def _ask(trees: Trees, rows: Floats) -> Floats:
+    nodes, numbers, roots = trees
+    told = np.empty((roots.shape[0], len(rows), roots.shape[1]), np.float32)
+    for member in range(roots.shape[0]):
+        for i in range(len(rows)):
+            for k in range(roots.shape[1]):
+                told[member, i, k] = _descend(nodes, numbers, roots[member, k], rows[i])
+    return told
+
+
+@numba.njit(cache=True)
+def _roll(trees: Trees, states: Floats, actions: Floats, sequences: Ints) -> tuple[Floats, Floats]:
+    nodes, numbers, roots = trees
+    members, dimension = roots.shape[0], roots.shape[1] - 1
+    n, length = sequences.shape
+    foreseen = np.empty((n, length, dimension), np.float32)
+    rewards = np.zeros((members, n, length), np.float32)
+    row = np.empty(_width(dimension, len(states), len(actions)), np.float32)
+    following = np.empty(dimension, np.float32)
+    for member in range(members):
+        for s in range(n):
+            window, past = states.copy(), actions.copy()
+            over = False
+            for t in range(length):
+                if not over:
+                    _lay_out(window, past, sequences[s, t], row)
+                    for i in range(dimension):
+                        following[i] = window[0, i] + _descend(nodes, numbers, roots[member, i], row)
+                    reward = np.rint(_descend(nodes, numbers, roots[member, dimension], row))
+                    rewards[member, s, t] = reward
+                    over = reward != 0
+                    _push(window, following)
+                    if len(past):
+                        past[1:] = past[:-1].copy()
+                        past[0] = sequences[s, t]
+                if member == 0:
+                    foreseen[s, t] = window[0]
+    return foreseen, rewards
+
+
+@numba.njit(cache=True)
+def _push(window: Floats, state: Floats) -> None:
+    """Put a state before the others, of which the last goes."""
+    for h in range(len(window) - 1, 0, -1):
+        window[h] = window[h - 1]
+    window[0] = state

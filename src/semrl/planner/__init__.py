@@ -3,7 +3,7 @@
 from semrl.planner.long_term import LongTermConfig, Routes, edge_costs, edges_along, plan_routes
 from semrl.planner.ranking import rank
 from semrl.planner.reason import reason
-from semrl.planner.short_term import ShortTermConfig, action_sequences, imagine
+from semrl.planner.short_term import ShortTermConfig, action_sequences
 
 __all__ = [
     "LongTermConfig",
@@ -12,7 +12,6 @@ __all__ = [
     "action_sequences",
     "edge_costs",
     "edges_along",
-    "imagine",
     "plan_routes",
     "rank",
     "reason",

@@ -13,7 +13,7 @@ from semrl.agent import DQN
 from semrl.arrays import unnest
 from semrl.errors import SemrlError, UsageError
 from semrl.pipeline import Pipeline
-from semrl.reasoning import Reasoner
+from semrl.reasoning import Reasoner, Thought
 from semrl.runs.config import RunConfig
 from semrl.runs.files import write_text
 from semrl.runs.folder import PLAYABLE, RunFolder
@@ -54,15 +54,15 @@ class Step:
         ``(2, *shape)``, what the agent sees now and saw before.
     action
         The one that led here; None at the beginning.
-    past
-        The actions before, as the planner is told them; None where there is no planner.
+    thought
+        Where the planner stands and what it proposes; None where there is no planner.
     """
 
     observation: Observation
     total: float
     state: NDArray[Any]
     action: int | None
-    past: NDArray[Any] | None = None
+    thought: Thought | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,9 +96,9 @@ class Player:
         observation = game.reset()
         if self.reasoner:
             self.reasoner.begin_episode()
-        seen = self.see(observation, None)
+        seen, thought = self.see(observation)
         state = np.stack([seen, seen])
-        yield Step(observation=observation, total=0.0, state=state, action=None, past=self._past())
+        yield Step(observation=observation, total=0.0, state=state, action=None, thought=thought)
         total, done = 0.0, False
         while not done:
             explore = rng.random() < self.config.evaluation.exploration
@@ -106,26 +106,23 @@ class Player:
             outcome = game.step(action)
             if self.reasoner:
                 self.reasoner.observe(state[0], action, outcome.reward)
-            state = np.stack([self.see(outcome.observation, state[0]), state[0]])
+            seen, thought = self.see(outcome.observation)
+            state = np.stack([seen, state[0]])
             total += outcome.reward
             done = outcome.done
-            yield Step(observation=outcome.observation, total=total, state=state, action=action, past=self._past())
+            yield Step(observation=outcome.observation, total=total, state=state, action=action, thought=thought)
 
-    def _past(self) -> NDArray[Any] | None:
-        return self.reasoner.past if self.reasoner else None
-
-    def see(self, observation: Observation, before: NDArray[Any] | None) -> NDArray[Any]:
-        """Return what the agent is shown: the state and, where there is a map, the goal."""
+    def see(self, observation: Observation) -> tuple[NDArray[Any], Thought | None]:
+        """Return what the agent is shown, the state and, where there is a map, the goal; and the plan behind it."""
         encoded = self.pipeline.encode(observation)
-        return self.reasoner.beside_goal(encoded, before) if self.reasoner else encoded
+        return self.reasoner.think(encoded) if self.reasoner else (encoded, None)
 
     def choose(self, state: NDArray[Any], policy: Policy) -> int:
         """Return the action that the agent or the planner would take."""
         if policy == "agent":
             return self.agent.best_action(state)
         assert self.reasoner is not None, "only models with a map are asked for plans"
-        plan = self.reasoner.plan(state[:, : self.reasoner.dimension])
-        return int(plan.actions[0]) if plan else 0
+        return self.reasoner.proposed_action or 0
 
     def require_map(self, run: str | Path) -> Reasoner:
         """Return the reasoner.

@@ -54,7 +54,7 @@ def explain(
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
     with limited_threads(player.config.threads):
         steps = player.episode(episode, seed, policy)
-        played = _played(steps, step, reasoner.sequences.shape[1], f"episode {episode} of {run}")
+        played = _played(steps, step, reasoner.config.short_term.depth, f"episode {episode} of {run}")
         thought = _Thought(player, reasoner, played.steps[0])
         return Explanation(
             run=str(run),
@@ -115,13 +115,12 @@ class _Thought:
     """What agent and planner make of a state, as rows."""
 
     def __init__(self, player: Player, reasoner: Reasoner, step: Step) -> None:
-        plan = reasoner.plan(step.state[:, : reasoner.dimension], step.past)
-        assert plan is not None, "where there is a map, the models have learned as well"
-        self.player, self.reasoner, self.state, self.plan = player, reasoner, step.state, plan
-        self.past = reasoner.past if step.past is None else step.past
+        assert step.thought and step.thought.plan, "where there is a map, the models have learned as well"
+        self.player, self.reasoner, self.state = player, reasoner, step.state
+        self.moment, self.plan = step.thought.moment, step.thought.plan
         self.graph, self.routes = reasoner.state_map.graph_, reasoner.routes
         self.action_names = action_names(player)
-        self.n_scenarios = len(plan.scenarios)
+        self.n_scenarios = len(self.plan.scenarios)
 
     def features(self) -> dict[str, float]:
         """Name the numbers of the state, where they have names."""
@@ -192,8 +191,8 @@ class _Thought:
 
     def aftermath(self, played: _Played) -> Aftermath:
         """Tell what came, and what the models foresee for the actions that were taken."""
-        reasoner, actions = self.reasoner, np.array([played.actions])
-        foreseen = reasoner.imagine(self.state[:, : reasoner.dimension], self.past, actions)
+        actions = np.array([played.actions])
+        foreseen = self.reasoner.world.imagine(self.moment, actions)
         return Aftermath(
             actions=self._names(played.actions),
             rewards=tuple(played.rewards),

@@ -80,7 +80,7 @@ class Foresight:
 
     rank: int
     actions: tuple[str, ...]
-    rewards: tuple[int, ...]
+    rewards: tuple[float, ...]
     predicted_return: float
     end_node: int
     progress: int | None
@@ -145,7 +145,7 @@ class Aftermath:
     actions: tuple[str, ...]
     rewards: tuple[float, ...]
     ended: bool
-    foreseen: tuple[int, ...]
+    foreseen: tuple[float, ...]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -20,8 +20,8 @@ FORMAT = 1
 
 KEPT_CHECKPOINTS = 2
 PLAYABLE = (
-    "pipeline/", "agent/network/", "reasoner/state_map/", "reasoner/next_state/", "reasoner/reward/",
-    "schooling/position", "decisions",
+    "pipeline/", "agent/network/", "reasoner/state_map/", "reasoner/world/next_state/", "reasoner/world/reward/",
+    "reasoner/world/forests/", "reasoner/world/counts", "schooling/position", "decisions",
 )  # fmt: skip
 """What the arrays begin with that are needed to play."""
 _PROVENANCE = ("semrl", "ale-py", "gymnasium", "numpy", "opencv-python-headless", "scikit-learn", "torch")

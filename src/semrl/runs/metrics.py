@@ -16,7 +16,7 @@ from semrl.runs.files import write_text
 
 COLUMNS = (
     "phase", "decisions", "frames", "batches", "stability", "leaves",
-    "episode", "return", "length", "exploration", "loss", "updates",
+    "episode", "policy", "return", "length", "exploration", "loss", "updates",
     "map_nodes", "map_edges", "seconds_map", "seconds_next_state", "seconds_reward", "seconds_routes", "seconds",
 )  # fmt: skip
 """What a row may hold; cells that say nothing stay empty. Seconds are wall-clock, everything else repeats."""

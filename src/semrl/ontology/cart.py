@@ -1,0 +1,154 @@
+"""Growing regression trees (CART, Breiman et al. 1984) in compiled code.
+
+Numbers are put into bins first, one for each value where there are few, so that the best cut of a number is found by
+one pass over the rows and one over the bins, without sorting. On 50,000 rows of play this is some ten times faster
+than a library that sorts, and trees that are grown while a game is going on are grown often.
+"""
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.types import Floats, Ints
+
+MAX_BINS = 512
+
+
+def bins_of(rows: Floats) -> tuple[NDArray[np.uint16], list[Floats]]:
+    """Put the numbers of ``(n, d)`` rows into bins.
+
+    Returns
+    -------
+    tuple
+        ``(d, n)`` numbers of bins, and for each column the cuts between its bins, ascending: a number belongs to
+        bin ``i`` when it exceeds ``i`` cuts. At most 512 bins; where there are more values, about equally many
+        rows in each.
+    """
+    places = np.empty((rows.shape[1], len(rows)), np.uint16)
+    cuts = []
+    for i, column in enumerate(rows.T):
+        values = np.unique(column)
+        if len(values) > MAX_BINS:
+            values = np.unique(np.quantile(column, np.linspace(0, 1, MAX_BINS), method="nearest"))
+        cuts.append(((values[:-1] + values[1:]) / 2).astype(np.float32))
+        places[i] = np.searchsorted(cuts[-1], column)
+    return places, cuts
+
+
+def grow_tree(
+    places: NDArray[np.uint16], cuts: list[Floats], wanted: NDArray[np.float64], drawn: Ints, leaf_rows: int
+) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    """Grow one tree that predicts a number, by the squared error.
+
+    Parameters
+    ----------
+    places, cuts
+        See `bins_of`.
+    wanted
+        ``(n,)``, what is to be predicted for each row.
+    drawn
+        ``(k,)`` numbers of the rows to learn from, with repetitions.
+    leaf_rows
+        Fewest of them in a leaf.
+
+    Returns
+    -------
+    tuple
+        ``(m, 2)`` column and left child of each node, both −1 in leaves (the right child comes after the left), and
+        ``(m, 2)`` cut, at and below which it goes left, and mean.
+    """
+    widths = np.array([len(column) + 1 for column in cuts], np.int64)
+    nodes, chosen, means = _grow(places, widths, wanted, drawn, leaf_rows)
+    inner = np.flatnonzero(nodes[:, 0] >= 0)
+    numbers = np.zeros((len(nodes), 2), np.float32)
+    numbers[inner, 0] = [cuts[column][cut] for column, cut in zip(nodes[inner, 0], chosen[inner], strict=True)]
+    numbers[:, 1] = means
+    return nodes, numbers
+
+
+@numba.njit(cache=True)
+def _grow(
+    places: NDArray[np.uint16], widths: Ints, wanted: NDArray[np.float64], drawn: Ints, leaf_rows: int
+) -> tuple[NDArray[np.int32], Ints, NDArray[np.float64]]:
+    rows = drawn.copy()
+    most = 2 * (len(rows) // leaf_rows) + 1
+    nodes = np.full((most, 2), -1, np.int32)
+    chosen, means = np.zeros(most, np.int64), np.zeros(most)
+    spans = np.zeros((most, 2), np.int64)  # which of the rows belong to a node
+    spans[0, 1] = len(rows)
+    size, node = 1, 0
+    while node < size:
+        mine = rows[spans[node, 0] : spans[node, 1]]
+        means[node], alike = _mean(mine, wanted)
+        column, cut = -1, -1
+        if not alike and len(mine) >= 2 * leaf_rows:
+            column, cut = _best_cut(mine, places, widths, wanted, leaf_rows)
+        if column >= 0:
+            middle = spans[node, 0] + _part(mine, places[column], cut)
+            nodes[node] = column, size
+            chosen[node] = cut
+            spans[size] = spans[node, 0], middle
+            spans[size + 1] = middle, spans[node, 1]
+            size += 2
+        node += 1
+    return nodes[:size].copy(), chosen[:size].copy(), means[:size].copy()
+
+
+@numba.njit(cache=True)
+def _mean(mine: Ints, wanted: NDArray[np.float64]) -> tuple[float, bool]:
+    """Return the mean of what is wanted, and whether it is the same for all rows."""
+    total = 0.0
+    least = most = wanted[mine[0]]
+    for row in mine:
+        total += wanted[row]
+        least, most = min(least, wanted[row]), max(most, wanted[row])
+    return total / len(mine), least == most
+
+
+@numba.njit(cache=True)
+def _best_cut(
+    mine: Ints, places: NDArray[np.uint16], widths: Ints, wanted: NDArray[np.float64], leaf_rows: int
+) -> tuple[int, int]:
+    """Return the column and the bin after which to cut for the smallest squared error; −1 where no cut helps."""
+    counts, sums = np.zeros(MAX_BINS, np.int64), np.zeros(MAX_BINS)
+    total = 0.0
+    for row in mine:
+        total += wanted[row]
+    n, best, found, after = len(mine), total * total / len(mine) + 1e-9, -1, -1
+    for column in range(len(places)):
+        counts[: widths[column]] = 0
+        sums[: widths[column]] = 0.0
+        for row in mine:
+            place = places[column, row]
+            counts[place] += 1
+            sums[place] += wanted[row]
+        left, left_sum = 0, 0.0
+        for place in range(widths[column] - 1):
+            if counts[place] == 0:
+                continue
+            left += counts[place]
+            left_sum += sums[place]
+            if left < leaf_rows:
+                continue
+            if n - left < leaf_rows:
+                break
+            explained = left_sum**2 / left + (total - left_sum) ** 2 / (n - left)
+            if explained > best:
+                best, found, after = explained, column, place
+    return found, after
+
+
+@numba.njit(cache=True)
+def _part(mine: Ints, places: NDArray[np.uint16], cut: int) -> int:
+    """Sort rows in place, those up to the cut first, each side in its order; return how many these are."""
+    right = np.empty(len(mine), np.int64)
+    n_left = n_right = 0
+    for row in mine:
+        if places[row] <= cut:
+            mine[n_left] = row
+            n_left += 1
+        else:
+            right[n_right] = row
+            n_right += 1
+    mine[n_left:] = right[:n_right]
+    return n_left

@@ -1,0 +1,141 @@
+"""A model of the world made of trees, learned while the game goes on (§3.4.3)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.arrays import Arrays, nest, unnest
+from semrl.errors import UsageError
+from semrl.ontology.experience import Experience
+from semrl.ontology.trees import Forests, lay_out
+from semrl.types import Floats, Ints, Moment, Scenarios, Trajectory
+
+MAX_DIMENSION = 32
+"""Longest state that trees are fitted to; they look at all pairs of numbers."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TreesConfig:
+    """Settings of `TreeWorld`."""
+
+    members: int = 3
+    """Forests, each grown from its own draw of what was lived; a reward counts what they foresee on average."""
+    past_states: int = 4
+    """States that are looked at, the present one included."""
+    past_actions: int = 3
+    """Actions before that are looked at: things that have inertia go on by them."""
+    resolution: float = 1 / 255
+    """Least difference between two states that means anything; RAM features are bytes divided by 255."""
+    leaf_decisions: int = 2
+    """Fewest decisions in a leaf."""
+    capacity: int = 100_000
+    """Decisions remembered."""
+    first_decisions: int = 1_000
+    """Decisions before trees are grown for the first time."""
+    new_decisions: int = 300
+    """Fewest new decisions before they are grown anew, which is after the next reward or the end of the episode."""
+    new_share: float = 0.03
+    """The same as a share of those that they were grown from."""
+
+    def __post_init__(self) -> None:
+        for name in ("members", "leaf_decisions", "capacity", "first_decisions", "new_decisions"):
+            if getattr(self, name) < 1:
+                raise UsageError(f"trees.{name} must be 1 or more, not {getattr(self, name)}")
+        if self.past_states < 2 or self.past_actions < 0:
+            raise UsageError("trees.past_states must be 2 or more and trees.past_actions 0 or more")
+        if not (self.resolution > 0 and self.new_share >= 0):
+            raise UsageError("trees.resolution must be above 0 and trees.new_share 0 or more")
+
+
+class TreeWorld:
+    """Regression trees for the change of each number of the state and for the reward.
+
+    Parameters
+    ----------
+    config
+        See `TreesConfig`.
+    dimension
+        Length of a state, at most 32.
+    seed
+        Of the draws that the forests are grown from.
+
+    Raises
+    ------
+    UsageError
+        When states are too long for trees.
+    """
+
+    def __init__(self, config: TreesConfig, dimension: int, *, seed: int = 0) -> None:
+        if dimension > MAX_DIMENSION:
+            raise UsageError(
+                f"trees learn from states of at most {MAX_DIMENSION} numbers, not {dimension}; "
+                "use reasoning.world = 'models'"
+            )
+        self.config = config
+        self.seed = seed
+        self.experience = Experience(config.capacity, dimension)
+        self.forests = Forests(config.members, config.leaf_decisions)
+        self.seen_ = 0
+        self.grown_ = 0
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether trees were grown yet."""
+        return self.grown_ > 0
+
+    def partial_fit(self, trajectory: Trajectory) -> dict[str, float]:
+        """Remember an episode and, when there is enough new, grow the trees anew."""
+        self.experience.add(trajectory)
+        self.seen_ += len(trajectory)
+        self._grow_if_due(self.experience, self.seen_)
+        return {}
+
+    def revise(self, so_far: Trajectory) -> None:
+        """Grow the trees anew, when there is enough new, from all that is remembered and the episode so far."""
+        seen = self.seen_ + len(so_far)
+        if self._is_due(seen):
+            self._grow_if_due(self.experience.joined(so_far), seen)
+
+    def imagine(self, moment: Moment, sequences: Ints) -> Scenarios:
+        """Roll ``(s, t)`` sequences of actions forward from a moment; rewards are the mean over the forests."""
+        unit, c = np.float32(self.config.resolution), self.config
+        states = np.rint(moment.window(c.past_states) / unit)
+        foreseen, rewards = self.forests.roll(states, moment.recent(c.past_actions), sequences)
+        return Scenarios(actions=sequences, states=foreseen * unit, rewards=rewards.mean(axis=0))
+
+    def to_arrays(self) -> Arrays:
+        """Return trees and memory."""
+        counts = {"counts": np.array([self.seen_, self.grown_])}
+        return nest(forests=self.forests.to_arrays(), experience=self.experience.to_arrays()) | counts
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on exactly where `to_arrays` was called."""
+        self.load(arrays)
+        self.experience.from_arrays(unnest(arrays, "experience"))
+
+    def load(self, arrays: Arrays) -> None:
+        """Take over the trees; enough to foresee."""
+        self.forests.from_arrays(unnest(arrays, "forests"))
+        self.seen_, self.grown_ = (int(count) for count in arrays["counts"])
+
+    def _is_due(self, seen: int) -> bool:
+        c = self.config
+        if not self.grown_:
+            return seen >= c.first_decisions
+        return seen - self.grown_ >= max(c.new_decisions, c.new_share * self.grown_)
+
+    def _grow_if_due(self, lived: Experience, seen: int) -> None:
+        if not self._is_due(seen):
+            return
+        rows, wanted = self._lessons(lived)
+        self.forests.fit(rows, wanted, np.random.default_rng([self.seed, seen]))
+        self.grown_ = seen
+
+    def _lessons(self, lived: Experience) -> tuple[Floats, NDArray[np.float64]]:
+        """Return what the trees see of every decision and what they are to predict, changes and reward."""
+        unit, c = np.float32(self.config.resolution), self.config
+        windows, pasts, actions, rewards, following = lived.windows(c.past_states, c.past_actions)
+        windows = np.rint(windows / unit)
+        changes = np.rint(following / unit) - windows[:, 0]
+        return lay_out(windows, pasts, actions), np.column_stack([changes, np.sign(rewards)]).astype(np.float64)

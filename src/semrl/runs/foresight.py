@@ -1,0 +1,115 @@
+"""How well a run's model of the world foresees play that it has not seen (§4.2)."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.errors import UsageError
+from semrl.protocols import WorldModel
+from semrl.runs.evaluation import EVALUATION_SEED, Player, Policy, Step, load_player
+from semrl.runs.session import limited_threads
+from semrl.types import Floats
+
+HORIZONS = (1, 5, 20)
+
+Spans = dict[int, list[tuple[Floats, Floats]]]
+"""Horizon → states foreseen and states that came."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quality:
+    """What a model of the world is worth.
+
+    Attributes
+    ----------
+    decisions
+        That were foreseen.
+    explained
+        Horizon in decisions → share of the variance of the states that is explained (R², weighted by variance).
+    confusion
+        ``(3, 3)`` counts, what came in rows, what was foreseen in columns: a loss, nothing, a gain.
+    balanced_accuracy
+        Mean share of each kind that was foreseen, over those that came.
+    """
+
+    decisions: int
+    explained: dict[int, float]
+    confusion: list[list[int]]
+    balanced_accuracy: float
+
+
+def foresight(
+    run: str | Path, *, decisions: int = 10_000, seed: int | None = None, policy: Policy = "agent"
+) -> Quality:
+    """Play new episodes and compare what came with what the run's model foresaw, 1, 5 and 20 decisions ahead.
+
+    A span of several decisions counts when no reward falls into it, since the model stops at a reward.
+
+    Parameters
+    ----------
+    run
+        Folder of a run with a map.
+    decisions
+        At least so many are played, whole episodes.
+    seed
+        Of the episodes; when None, one that training did not use.
+    policy
+        Who plays.
+
+    Raises
+    ------
+    UsageError
+        When there is no such run or it has no map.
+    """
+    if decisions < 1:
+        raise UsageError(f"decisions must be 1 or more, not {decisions}")
+    player = load_player(run)
+    world = player.require_map(run).world
+    seed = player.config.seed + EVALUATION_SEED if seed is None else seed
+    spans: Spans = {horizon: [] for horizon in HORIZONS}
+    confusion = np.zeros((3, 3), np.int64)
+    with limited_threads(player.config.threads):
+        for steps in _episodes(player, decisions, seed, policy):
+            _compare(world, steps, spans, confusion)
+    return Quality(
+        decisions=int(confusion.sum()),
+        explained={horizon: _explained(pairs) for horizon, pairs in spans.items() if pairs},
+        confusion=confusion.tolist(),
+        balanced_accuracy=balanced_accuracy(confusion),
+    )
+
+
+def balanced_accuracy(confusion: NDArray[np.int64]) -> float:
+    """Return the mean share that was foreseen of each kind that came, from ``(k, k)`` counts."""
+    came = confusion.sum(axis=1)
+    return float((confusion.diagonal()[came > 0] / came[came > 0]).mean())
+
+
+def _episodes(player: Player, decisions: int, seed: int, policy: Policy) -> Iterator[Sequence[Step]]:
+    played = number = 0
+    while played < decisions:
+        steps = list(player.episode(number, seed, policy))
+        played, number = played + len(steps) - 1, number + 1
+        yield steps
+
+
+def _compare(world: WorldModel, steps: Sequence[Step], spans: Spans, confusion: NDArray[np.int64]) -> None:
+    """Foresee every decision of an episode, and what is some decisions ahead of it."""
+    moments = [step.thought.moment for step in steps if step.thought]
+    actions = np.array([step.action for step in steps[1:]])
+    rewards = np.sign(np.diff([step.total for step in steps])).astype(int)
+    longest = max(HORIZONS)
+    for t, moment in enumerate(moments[:-1]):
+        told = world.imagine(moment, actions[None, t : t + longest])
+        confusion[rewards[t] + 1, int(np.rint(told.rewards[0, 0])) + 1] += 1
+        for horizon in HORIZONS:
+            if t + horizon < len(moments) and (horizon == 1 or not rewards[t : t + horizon].any()):
+                spans[horizon].append((told.states[0, horizon - 1], moments[t + horizon].states[0]))
+
+
+def _explained(pairs: Sequence[tuple[Floats, Floats]]) -> float:
+    foreseen, came = (np.array(part, np.float64) for part in zip(*pairs, strict=True))
+    return float(1 - ((came - foreseen) ** 2).sum() / ((came - came.mean(axis=0)) ** 2).sum())

@@ -1,0 +1,152 @@
+"""A world of rules is learned by trees while it is lived in (§3.4.3)."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from systems import copied, walk
+
+from semrl.arrays import digest
+from semrl.errors import UsageError
+from semrl.ontology import TreesConfig, TreeWorld
+from semrl.ontology.tree_world import MAX_DIMENSION
+from semrl.types import Moment, Trajectory
+
+CONFIG = TreesConfig(members=2, resolution=1.0, first_decisions=50, new_decisions=20)
+
+
+def rally(decisions, seed=0):
+    """A ball goes up and down between a wall at 0 and a bat near 19 that is pushed; a loss and a new ball where missed.
+
+    The bat has inertia: it moves by this action and the one before.
+    """
+    rng = np.random.default_rng(seed)
+    x, y, speed, bat, last = 5, int(rng.integers(20)), 1, 10, 0
+    states, actions, rewards = [(x, y, bat)], [], []
+    for _ in range(decisions):
+        action = int(rng.integers(2)) if rng.random() < 0.9 else int(y > bat)
+        bat = int(np.clip(bat + (2 * action - 1) + (2 * last - 1), 0, 19))
+        last, reward = action, 0
+        x += speed
+        if x == 19 and abs(y - bat) <= 4:
+            speed = -1
+        elif x == 19:
+            x, y, speed, reward = 5, int(rng.integers(20)), 1, -1
+        elif x == 0:
+            speed = 1
+        states.append((x, y, bat))
+        actions.append(action)
+        rewards.append(reward)
+    return Trajectory(
+        states=np.array(states, np.float32), actions=np.array(actions), rewards=np.array(rewards, np.float32)
+    )
+
+
+def moment_of(trajectory, t):
+    return Moment(states=trajectory.states[t::-1], actions=trajectory.actions[:t][::-1], number=t)
+
+
+def learned(config, *trajectories, seed=0):
+    made = TreeWorld(config, 3, seed=seed)
+    for trajectory in trajectories:
+        made.partial_fit(trajectory)
+    return made
+
+
+@pytest.fixture(scope="module")
+def world():
+    """Learned from twelve thousand decisions. Read only."""
+    return learned(dataclasses.replace(CONFIG, members=3), *(rally(3000, seed) for seed in range(4)))
+
+
+def test_what_comes_next_is_foreseen(world):
+    test, right, rewarded = rally(1500, seed=9), [], []
+    for t in range(10, 1490):
+        told = world.imagine(moment_of(test, t), test.actions[None, t : t + 1])
+        if test.rewards[t]:
+            rewarded.append(told.rewards[0, 0] < -0.5)
+        else:
+            right.append(np.abs(told.states[0, 0] - test.states[t + 1]).max() < 0.5 and abs(told.rewards[0, 0]) < 0.5)
+    assert np.mean(right) > 0.97 and len(rewarded) > 10 and np.mean(rewarded) > 0.8
+
+
+def test_a_loss_is_foreseen_long_before_it_comes(world):
+    test = rally(1500, seed=9)
+    told, came = [], []
+    for t in range(20, 1480):
+        if 10 <= test.states[t, 0] < 13 and test.states[t, 0] > test.states[t - 1, 0]:
+            left = 19 - int(test.states[t, 0])
+            told.append(world.imagine(moment_of(test, t), test.actions[None, t : t + left]).rewards.min() < -0.5)
+            came.append(test.rewards[t : t + left].min() < 0)
+    assert np.mean(came) > 0.1 and np.mean(np.array(told) == came) > 0.9
+
+
+def test_scenarios_stand_still_after_a_reward(world):
+    test = rally(1500, seed=9)
+    t = int(np.flatnonzero(test.rewards)[5])
+    told = world.imagine(moment_of(test, t), np.repeat(test.actions[None, t : t + 1], 6, axis=1))
+    assert told.rewards[0, 0] < -0.5 and not told.rewards[0, 1:].any()
+    assert (told.states[0, 1:] == told.states[0, 0]).all()
+
+
+def test_it_learns_while_the_episode_goes_on():
+    made, episode = TreeWorld(CONFIG, 3), rally(200)
+    for t in (30, 60, 70):
+        part = Trajectory(states=episode.states[: t + 1], actions=episode.actions[:t], rewards=episode.rewards[:t])
+        made.revise(part)
+        assert (made.is_fitted, made.grown_) == (t >= 50, 0 if t < 50 else 60)  # ten decisions more are too few
+    assert len(made.experience) == 0  # the episode is remembered when it is over
+    made.partial_fit(episode)
+    assert len(made.experience) == 200 == made.grown_
+
+
+def test_before_and_after_an_end_are_not_mixed_up():
+    """The first state of an episode follows from nothing."""
+    lived = [rally(40, seed) for seed in range(3)]
+    made = learned(CONFIG, *lived)
+    rows, wanted = made._lessons(made.experience)
+    assert len(rows) == 120
+    for i, episode in enumerate(lived):
+        changes = np.diff(episode.states, axis=0)
+        np.testing.assert_array_equal(wanted[40 * i : 40 * (i + 1), :3], changes)
+        assert not rows[40 * i, 6:15].any()  # nothing moved before
+
+
+@pytest.mark.parametrize("saved_after", [0, 1, 3])
+def test_saved_midway_it_goes_on_bit_for_bit(saved_after):
+    unbroken, restored = TreeWorld(CONFIG, 3), learned(CONFIG, walk(60, 9))
+    for i in range(6):
+        if i == saved_after:
+            restored.from_arrays(copied(unbroken))
+        for made in (unbroken, restored) if i >= saved_after else (unbroken,):
+            made.revise(walk(25, i))
+            made.partial_fit(walk(25, i))
+    assert digest(restored.to_arrays()) == digest(unbroken.to_arrays())
+    loaded = TreeWorld(CONFIG, 3)
+    loaded.load(copied(unbroken))
+    told = [made.imagine(moment_of(walk(25), 9), np.zeros((2, 5), np.int64)) for made in (unbroken, loaded)]
+    np.testing.assert_array_equal(told[0].states, told[1].states)
+    np.testing.assert_array_equal(told[0].rewards, told[1].rewards)
+
+
+def test_the_oldest_episodes_are_forgotten():
+    made = learned(dataclasses.replace(CONFIG, capacity=100), *(walk(40, seed) for seed in range(5)))
+    assert len(made.experience) <= 100 and made.seen_ == 200
+
+
+def test_states_too_long_for_trees_are_refused():
+    TreeWorld(CONFIG, MAX_DIMENSION)
+    with pytest.raises(UsageError, match=r"at most 32 numbers, not 33; use reasoning\.world = 'models'"):
+        TreeWorld(CONFIG, MAX_DIMENSION + 1)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"members": 0}, {"leaf_decisions": 0}, {"capacity": 0}, {"first_decisions": 0}, {"new_decisions": 0},
+        {"past_states": 1}, {"past_actions": -1}, {"resolution": 0.0}, {"new_share": -0.1},
+    ],
+)  # fmt: skip
+def test_bad_parameters_are_refused(values):
+    with pytest.raises(UsageError, match=next(iter(values))):
+        TreesConfig(**values)

@@ -1,0 +1,42 @@
+"""What a model foresees of new play is counted as it should be (§4.2)."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from sklearn.metrics import balanced_accuracy_score, r2_score
+
+from semrl.errors import UsageError
+from semrl.runs import load_player
+from semrl.runs.evaluation import EVALUATION_SEED
+from semrl.runs.foresight import balanced_accuracy, foresight
+
+
+def test_it_is_what_scikit_learn_says_of_the_same_play(map_run):
+    told = foresight(map_run, decisions=60)
+    player = load_player(map_run)
+    came, foreseen, rewards, guesses = [], [], [], []
+    for number in range(2):
+        steps = list(player.episode(number, player.config.seed + EVALUATION_SEED))
+        for before, after in pairwise(steps):
+            scenario = player.reasoner.world.imagine(before.thought.moment, np.array([[after.action]]))
+            came.append(after.state[0, : player.reasoner.dimension])
+            foreseen.append(scenario.states[0, 0])
+            rewards.append(int(np.sign(after.total - before.total)))
+            guesses.append(int(scenario.rewards[0, 0]))
+    assert told.decisions == len(came) == 90
+    assert told.explained[1] == pytest.approx(r2_score(came, foreseen, multioutput="variance_weighted"), abs=1e-6)
+    assert told.balanced_accuracy == pytest.approx(balanced_accuracy_score(rewards, guesses))
+    assert np.sum(told.confusion) == 90 and np.sum(told.confusion, axis=1)[1] == rewards.count(0)
+    assert set(told.explained) <= {1, 5, 20} and told.explained[5] <= 1
+
+
+def test_kinds_that_never_came_do_not_count():
+    assert balanced_accuracy(np.array([[0, 0, 0], [2, 6, 0], [0, 1, 1]])) == pytest.approx((0.75 + 0.5) / 2)
+
+
+def test_without_a_map_nothing_is_foreseen(semantic_run, map_run):
+    with pytest.raises(UsageError, match="has no map"):
+        foresight(semantic_run)
+    with pytest.raises(UsageError, match="decisions must be 1 or more"):
+        foresight(map_run, decisions=0)
