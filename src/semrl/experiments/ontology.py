@@ -227,7 +227,7 @@ EXPERIMENT = Experiment(
     title="Ontology and planner",
     section="§4.2",
     numbers=_numbers(),
-    settings={"full": Settings(), "quick": Settings(decisions=4000), "tiny": Settings(decisions=60)},
+    settings={"full": Settings(), "quick": Settings(decisions=4000), "tiny": Settings(decisions=250)},
     measure=measure,
     runs=RUNS,
 )
