@@ -4,7 +4,7 @@ states ─ map, next state, reward ─ routes, scenarios ─ plan ─ goal vecto
 """
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -173,14 +173,8 @@ class Reasoner:
         dict
             Columns of the metrics: size of the map, and seconds that each part took.
         """
-        transitions = trajectory.transitions
-        starts = self._coordinates(transitions.states, transitions.previous)
-        last = self._coordinates(trajectory.states[-1:], trajectory.states[-2:-1])
-        on_map = Trajectory(
-            states=np.concatenate([starts, last]), actions=trajectory.actions, rewards=trajectory.rewards
-        )
         began = time.perf_counter()
-        self.state_map.partial_fit(on_map)
+        self.state_map.partial_fit(self.on_map(trajectory))
         mapped = time.perf_counter()
         learned = self.world.partial_fit(trajectory)
         modelled = time.perf_counter()
@@ -193,6 +187,13 @@ class Reasoner:
             **learned,
             "seconds_routes": round(time.perf_counter() - modelled, 4),
         }
+
+    def on_map(self, trajectory: Trajectory) -> Trajectory:
+        """Return an episode as the map learns it: its states where they lie on the map."""
+        transitions = trajectory.transitions
+        starts = self._coordinates(transitions.states, transitions.previous)
+        last = self._coordinates(trajectory.states[-1:], trajectory.states[-2:-1])
+        return replace(trajectory, states=np.concatenate([starts, last]))
 
     def to_arrays(self) -> Arrays:
         """Return all that was learned."""
