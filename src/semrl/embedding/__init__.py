@@ -1,7 +1,9 @@
 """Embedding (§3.2.3): a frame's objects become a graph, the graph words, the words a vector."""
 
 from semrl.embedding.doc2vec import Doc2VecConfig, Doc2VecEmbedding
+from semrl.embedding.graph_distance import GraphDistanceConfig, graph_distance, graph_distances, nearest_graphs
 from semrl.embedding.hashing import HashedEmbedding, HashedEmbeddingConfig
+from semrl.embedding.retrieval import Retrieval
 from semrl.embedding.scene_graph import SceneGraphConfig, build_scene_graph
 from semrl.embedding.scenery import Scenery
 from semrl.embedding.word_hashes import WordHasher, word_hash
@@ -10,14 +12,19 @@ from semrl.embedding.words import WordsConfig, document, position_words, sentenc
 __all__ = [
     "Doc2VecConfig",
     "Doc2VecEmbedding",
+    "GraphDistanceConfig",
     "HashedEmbedding",
     "HashedEmbeddingConfig",
+    "Retrieval",
     "SceneGraphConfig",
     "Scenery",
     "WordHasher",
     "WordsConfig",
     "build_scene_graph",
     "document",
+    "graph_distance",
+    "graph_distances",
+    "nearest_graphs",
     "position_words",
     "sentences",
     "wl_hashes",
