@@ -14,6 +14,9 @@ from semrl.types import Ints, SceneGraph
 _ALL_PAIRS_UP_TO = 256
 """Number of objects up to which comparing all pairs beats building a tree."""
 
+_BEYOND_ALL_PICTURES = 1 << 31
+"""Half pixels; what lies further away is no place."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SceneGraphConfig:
@@ -104,3 +107,17 @@ def _candidates(places: NDArray[np.float64], proximity_px: float) -> tuple[Ints,
 def _all_pairs(count: int) -> tuple[Ints, Ints]:
     first, second = np.triu_indices(count, k=1)
     return first, second
+
+
+def object_keys(graph: SceneGraph) -> Ints:
+    """Write objects as whole numbers: class, row and column in half pixels, ``(n, 3)``.
+
+    Raises
+    ------
+    DataError
+        If a centre is not finite or further away than 2³¹ half pixels.
+    """
+    halves = np.rint(graph.centres_px.astype(np.float64) * 2)  # (n, 2)
+    if not (np.abs(halves) < _BEYOND_ALL_PICTURES).all():  # false for nan as well
+        raise DataError("a scene has an object whose centre is not finite or beyond all pictures")
+    return np.column_stack([graph.classes, halves.astype(np.int64)])
