@@ -126,7 +126,8 @@ class FractionalEmbedding:
             row[:] = self._class_phases(number)
         angles = keys[:, 1:] / 2 @ self._frequencies + phases  # (k, dimension / 2)
         parts = np.concatenate([np.cos(angles), np.sin(angles)], axis=1)
-        return np.rint(parts * (_ONE / np.sqrt(self.dimension // 2))).astype(np.int64)
+        whole: Ints = np.rint(parts * (_ONE / np.sqrt(self.dimension // 2))).astype(np.int64)
+        return whole
 
     def _class_phases(self, number: int) -> NDArray[np.float64]:
         """Return the phases of a class, ``(dimension / 2,)`` in 0 … 2π, drawn by a hash of its number."""
