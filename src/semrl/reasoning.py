@@ -5,7 +5,7 @@ states ─ map, next state, reward ─ routes, scenarios ─ plan ─ goal vecto
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -184,19 +184,26 @@ class Reasoner:
             Columns of the metrics: size of the map, and seconds that each part took.
         """
         clock = _Clock()
-        transitions = trajectory.transitions
-        starts = self._coordinates(transitions.states, transitions.previous)
-        last = self._coordinates(trajectory.states[-1:], trajectory.states[-2:-1])
-        on_map = Trajectory(
-            states=np.concatenate([starts, last]), actions=trajectory.actions, rewards=trajectory.rewards
-        )
-        self.state_map.partial_fit(on_map)
+        self.state_map.partial_fit(self.on_map(trajectory))
         clock.lap("seconds_map")
         self._learn_models(trajectory, clock)
         self.routes = plan_routes(self.state_map.graph_, self.config.long_term)
         clock.lap("seconds_routes")
         graph = self.state_map.graph_
         return {"map_nodes": len(graph), "map_edges": len(graph.edge_ids), **clock.laps}
+
+    def on_map(self, trajectory: Trajectory) -> Trajectory:
+        """Return an episode as the map learns it: its states where they lie on the map."""
+        transitions = trajectory.transitions
+        starts = self._coordinates(transitions.states, transitions.previous)
+        last = self._coordinates(trajectory.states[-1:], trajectory.states[-2:-1])
+        return replace(trajectory, states=np.concatenate([starts, last]))
+
+    def told(self, trajectory: Trajectory) -> Trajectory:
+        """Return an episode as the models learn it: its states with the actions before them."""
+        return replace(
+            trajectory, states=with_past_actions(trajectory.states, trajectory.actions, self.config.past_actions)
+        )
 
     def to_arrays(self) -> Arrays:
         """Return all that was learned."""
@@ -226,8 +233,7 @@ class Reasoner:
         self.routes = plan_routes(self.state_map.graph_, self.config.long_term)
 
     def _learn_models(self, trajectory: Trajectory, clock: "_Clock") -> None:
-        states = with_past_actions(trajectory.states, trajectory.actions, self.config.past_actions)
-        told = Trajectory(states=states, actions=trajectory.actions, rewards=trajectory.rewards)
+        told = self.told(trajectory)
         if self.config.rehearsal_states:
             self.experience.add(told)
         for lesson in self._lessons(self.config.next_state, told.transitions):

@@ -15,6 +15,7 @@ from semrl.signals import handling
 COMMANDS = {
     "train": ("train", "learn to see, then to play; resumable"),
     "eval": ("evaluate", "play with a trained run, with a video on request"),
+    "reproduce": ("reproduce", "the thesis's tests, tables and figures, ours beside the thesis's"),
     "report": ("report", "one self-contained HTML page about one or more runs"),
     "map": ("map", "what the map of a run looks like, and the map as a file"),
     "query": ("query", "ask the map of a run in SPARQL"),

@@ -124,6 +124,19 @@ class StateMap:
             raise DataError("the map is empty: call partial_fit first")
         return self._positions(states, self._graph.node_ids)
 
+    def locate_transitions(self, trajectory: Trajectory) -> Ints:
+        """Return the edge of each decision of an episode, ``(t,)`` int64, as positions in `graph_`; learns nothing.
+
+        Raises
+        ------
+        DataError
+            The map has no edges, or as `partial_fit`.
+        """
+        if not len(self._graph.edge_ids):
+            raise DataError("the map has no edges: call partial_fit first")
+        rows = self._transitions(trajectory)
+        return np.searchsorted(self._graph.edge_ids, self._edges.predict_by_descent(rows))
+
     def to_arrays(self) -> Arrays:
         """Return both trees; a map restored from them goes on bit for bit as this one does."""
         return nest(nodes=self._nodes.to_arrays(), edges=self._edges.to_arrays())

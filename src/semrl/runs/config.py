@@ -122,7 +122,7 @@ def preset(name: str, model: str | None = None, overrides: Mapping[str, Any] | N
     layers = (values, special.get(chosen, {}), overrides, {"model": chosen})
     merged: dict[str, Any] = {}
     for layer in layers:
-        merged = _merge(merged, layer)
+        merged = merge(merged, layer)
     return from_dict(merged, source=f"preset {name}")
 
 
@@ -167,11 +167,12 @@ def write_toml(config: RunConfig) -> str:
     return tomli_w.dumps(to_dict(config))
 
 
-def _merge(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+def merge(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    """Put nested values on top of others."""
     merged = dict(below)
     for key, value in above.items():
         old = merged.get(key)
-        merged[key] = _merge(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
+        merged[key] = merge(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
     return merged
 
 

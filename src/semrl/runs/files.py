@@ -1,9 +1,10 @@
 """Writing files so that a power cut, a full disk or a kill never leaves half of one."""
 
 import contextlib
+import fcntl
 import os
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Any
 
@@ -51,6 +52,23 @@ def require_writable(path: Path) -> None:
         raise UsageError(f"cannot write {path}: there is no folder {path.parent}")
     if not os.access(path.parent, os.W_OK):
         raise UsageError(f"cannot write {path}: nothing may be written to {path.parent}")
+
+
+@contextlib.contextmanager
+def locked(path: Path, busy: str) -> Iterator[None]:
+    """Keep other processes out by a lock on a file; it ends with the process, however that ends.
+
+    Raises
+    ------
+    UsageError
+        With the message `busy`, when another process has the lock.
+    """
+    with path.open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise UsageError(busy) from None
+        yield
 
 
 def write_text(path: Path, text: str) -> None:

@@ -1,12 +1,10 @@
 """The folder of a run: configuration, manifest, metrics, checkpoints, results."""
 
-import contextlib
-import fcntl
 import json
 import os
 import platform
 import shutil
-from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -15,7 +13,7 @@ from typing import Any, Self
 from semrl.arrays import Arrays, array_to_json, json_to_array
 from semrl.errors import SemrlError, UsageError
 from semrl.runs.config import RunConfig, from_dict, read_toml, write_toml
-from semrl.runs.files import read_arrays, write_arrays, write_text
+from semrl.runs.files import locked, read_arrays, write_arrays, write_text
 
 FORMAT = 1
 """Number of the layout of run folders; raised when older ones can no longer be read."""
@@ -156,21 +154,15 @@ class RunFolder:
             raise UsageError(f"{paths[-1]} has format {meta['format']}; this semrl reads format {FORMAT}")
         return Checkpoint(arrays=arrays, metrics_rows=meta["metrics_rows"], seconds=meta["seconds"])
 
-    @contextlib.contextmanager
-    def locked(self) -> Iterator[None]:
-        """Keep other processes from training the same run; the lock ends with the process, however it ends.
+    def locked(self) -> AbstractContextManager[None]:
+        """Keep other processes from training the same run.
 
         Raises
         ------
         UsageError
-            When another process has it.
+            On entering, when another process has it.
         """
-        with (self.path / "lock").open("w") as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise UsageError(f"{self.path} is being trained by another process") from None
-            yield
+        return locked(self.path / "lock", f"{self.path} is being trained by another process")
 
     def clean(self) -> None:
         """Remove what an interrupted write left behind."""

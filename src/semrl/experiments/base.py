@@ -1,0 +1,71 @@
+"""What every experiment is made of: a name, its numbers, its settings at each scale, and how it measures."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from semrl.experiments.ledger import Ledger
+from semrl.experiments.results import Number, Result
+from semrl.experiments.sweep import RunSpec
+
+Scale = Literal["tiny", "quick", "full"]
+"""``full`` is the thesis's budget, ``quick`` some minutes, ``tiny`` some seconds, to see that everything works."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lab:
+    """Where an experiment measures.
+
+    Attributes
+    ----------
+    scale
+        Budget.
+    folder
+        Its ``runs`` folder holds the trained runs.
+    ledger
+        What finished runs have scored.
+    say
+        Is told what is being done.
+    """
+
+    scale: Scale
+    folder: Path
+    ledger: Ledger
+    say: Callable[[str], None] = lambda _: None
+
+    def run_folder(self, spec: RunSpec) -> Path:
+        """Return where a run is, or would be."""
+        return self.folder / "runs" / spec.id
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """A test, table or group of figures of the thesis.
+
+    Attributes
+    ----------
+    name
+        As it is called on the command line.
+    place
+        Among the others: experiments come in this order.
+    title, section
+        As a page says it.
+    numbers
+        Of the thesis, in its order.
+    settings
+        At each scale; data that `measure` is given.
+    measure
+        Does it.
+    runs
+        The training runs it needs, at each scale.
+    """
+
+    name: str
+    place: int
+    title: str
+    section: str
+    numbers: tuple[Number, ...]
+    settings: Mapping[Scale, Any]
+    measure: Callable[[Any, Lab], Result]
+    runs: Mapping[Scale, tuple[RunSpec, ...]] = field(default_factory=dict)

@@ -1,0 +1,229 @@
+"""Ontology and planner tests (§4.2): how well the lower line foresees a new run, and what its map is like."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from sklearn.decomposition import PCA
+
+from semrl.errors import UsageError
+from semrl.experiments.base import Experiment, Lab
+from semrl.experiments.figures import Figure, Matrix, Network, Panel
+from semrl.experiments.foresight import SIGNS, next_state_scores, reward_scores
+from semrl.experiments.results import Number, Result
+from semrl.experiments.scores import SWEEPS
+from semrl.experiments.sweep import RunSpec
+from semrl.ontology import EpisodeRecord, StateMap
+from semrl.ontology.description import describe
+from semrl.reasoning import Reasoner
+from semrl.runs import load_player
+from semrl.runs.evaluation import EVALUATION_SEED, Player
+from semrl.types import Trajectory
+
+STATES = {"semantic-map": "semantic", "ram-map": "ram"}
+"""Model → its states, as the ids of numbers call them."""
+
+THESIS = {
+    "semantic": {
+        "new-run": {"decisions": 3875, "gains": 21, "losses": 14},
+        "next-state": {
+            "trained": 31.5, "scratch": 75.3, "folds": 2.5, "folds-128": 17.9, "scratch-128": 49.9, "updated": 69.3,
+        },
+        "reward": {"trained": 34.6, "scratch": 83.2, "folds": 72.1, "updated": 36.2},
+        "map": {
+            "nodes": 2184, "edges": 6969, "run-nodes": 960, "run-edges": 1213, "scratch-nodes": 321,
+            "scratch-edges": 744, "positive": 1.6, "negative": 2.5, "diameter": 20, "radius": 9, "two-components": 10.8,
+        },
+    },
+    "ram": {
+        "new-run": {"decisions": 9022, "gains": 12, "losses": 21},
+        "next-state": {
+            "trained": 97.3, "scratch": 97.4, "folds": 98.1, "folds-128": 97.8, "scratch-128": 97.2, "updated": 98.6,
+        },
+        "reward": {"trained": 33.3, "scratch": 77.3, "folds": 77.3, "updated": 33.3},
+        "map": {
+            "nodes": 185, "edges": 1966, "run-nodes": 146, "run-edges": 802, "scratch-nodes": 79,
+            "scratch-edges": 373, "positive": 1.8, "negative": 3.1, "diameter": 17, "radius": 8, "two-components": 66.4,
+        },
+    },
+}  # fmt: skip
+"""What §4.2 says: states → test → number."""
+
+UNITS = {"next-state": "% R²", "reward": "% balanced accuracy", "positive": "% of edges", "negative": "% of edges",
+         "two-components": "% of variance"}  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """How much is looked at.
+
+    Attributes
+    ----------
+    decisions
+        Most decisions of the new run; None for a whole episode of the agent.
+    """
+
+    decisions: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Tested:
+    """The tests of one trained run: values by ``test/number``, confusion matrices, the map drawn."""
+
+    values: dict[str, float | None]
+    matrices: Mapping[str, Matrix]
+    map: Network
+
+
+def measure(settings: Settings, lab: Lab) -> Result:
+    """Test the map models of every preset that were trained."""
+    values: dict[str, float | None] = {}
+    tested: dict[tuple[str, str], _Tested] = {}
+    notes = []
+    for spec in RUNS[lab.scale]:
+        states, suffix = STATES[spec.model], "" if spec.preset == "thesis" else f"@{spec.preset}"
+        lab.say(f"next states, rewards and map of {spec.id}")
+        try:
+            player = load_player(lab.run_folder(spec))
+            reasoner = player.require_map(spec.id)
+        except UsageError as error:
+            notes.append(f"{spec.id} was not tested: {error}")
+            continue
+        test = tested[states, spec.preset] = _test(reasoner, new_run(player, reasoner, settings.decisions))
+        for name, value in test.values.items():
+            kind, _, what = name.partition("/")
+            values[f"{kind}/{states}/{what}{suffix}"] = value
+    return Result(values=values, figures=_figures(tested), notes=tuple(notes))
+
+
+def new_run(player: Player, reasoner: Reasoner, most: int | None) -> Trajectory:
+    """Let the agent play one episode that nothing is learned from, cut after so many decisions."""
+    steps = player.episode(0, player.config.seed + EVALUATION_SEED)
+    step = next(steps)
+    record = EpisodeRecord(reasoner.dimension)
+    for decisions, after in enumerate(steps, 1):
+        assert after.action is not None
+        record.add(step.state[0, : reasoner.dimension], after.action, after.total - step.total)
+        step = after
+        if decisions == most:
+            break
+    return record.finish(step.state[0, : reasoner.dimension])
+
+
+def _test(reasoner: Reasoner, run: Trajectory) -> _Tested:
+    rewards, matrices = reward_scores(reasoner, run)
+    described, drawn = _map(reasoner, run)
+    tests = {
+        "new-run": {
+            "decisions": len(run),
+            "gains": int((run.rewards > 0).sum()),
+            "losses": int((run.rewards < 0).sum()),
+        },
+        "next-state": next_state_scores(reasoner, run),
+        "reward": rewards,
+        "map": described,
+    }
+    labels = tuple(f"{sign:+d}" if sign else "0" for sign in SIGNS)
+    return _Tested(
+        values={f"{kind}/{what}": value for kind, values in tests.items() for what, value in values.items()},
+        matrices={name: Matrix(labels=labels, values=matrix) for name, matrix in matrices.items()},
+        map=drawn,
+    )
+
+
+def _map(reasoner: Reasoner, run: Trajectory) -> tuple[dict[str, float | None], Network]:
+    """Describe the map, alone and by a run, and place its nodes by two principal components."""
+    learned, on_map = reasoner.state_map, reasoner.on_map(run)
+    graph, described = learned.graph_, describe(learned.graph_)
+    scratch = StateMap(learned.config, learned.dimension, learned.n_actions).partial_fit(on_map)
+    pca = PCA(min(2, *graph.node_means.shape))
+    placed = pca.fit_transform(graph.node_means)
+    positions = np.pad(placed, ((0, 0), (0, 2 - placed.shape[1])))
+    values = {
+        "nodes": described.nodes,
+        "edges": described.edges,
+        "run-nodes": len(np.unique(learned.locate(on_map.states))),
+        "run-edges": len(np.unique(learned.locate_transitions(on_map))),
+        "scratch-nodes": len(np.unique(scratch.locate(on_map.states))),
+        "scratch-edges": len(np.unique(scratch.locate_transitions(on_map))),
+        "positive": 100 * described.positive_share,
+        "negative": 100 * described.negative_share,
+        "diameter": described.diameter,
+        "radius": described.radius,
+        "two-components": 100 * float(np.nansum(pca.explained_variance_ratio_)),
+    }
+    drawn = Network(
+        xlabel="first component",
+        ylabel="second component",
+        positions=positions.astype(np.float32),
+        sources=graph.sources,
+        targets=graph.targets,
+        signs=graph.reward_signs,
+    )
+    return values, drawn
+
+
+def _figures(tested: Mapping[tuple[str, str], _Tested]) -> tuple[Figure, ...]:
+    def each(states: str, *names: str) -> tuple[tuple[str, Panel], ...]:
+        return tuple(
+            (f"preset {preset}" + (f", {name}" if len(names) > 1 else ""), test.matrices[name])
+            for (kind, preset), test in tested.items()
+            if kind == states
+            for name in names
+        )
+
+    def maps(states: str) -> tuple[tuple[str, Panel], ...]:
+        return tuple((f"preset {preset}", test.map) for (kind, preset), test in tested.items() if kind == states)
+
+    said = "Each row is what the reward was, each column what was predicted; rows sum to 1."
+    figures = (
+        Figure(number="4.12", title="Rewards of semantic states, as trained", says=said,
+               panels=each("semantic", "trained")),
+        Figure(number="4.13", title="Rewards of semantic states, learned from the new run alone", says=said,
+               panels=each("semantic", "scratch")),
+        Figure(number="4.14", title="Rewards of semantic states, updated with the new run", says=said,
+               panels=each("semantic", "updated")),
+        Figure(number="4.15", title="The map of semantic states", says="Nodes are clusters of states, placed by their "
+               "two principal components; edges are green where they bring a gain, red where a loss.",
+               panels=maps("semantic")),
+        Figure(number="4.16", title="Rewards of RAM states, learned from the new run alone", says=said,
+               panels=each("ram", "scratch")),
+        Figure(number="4.17", title="Rewards of RAM states, as trained and updated", says=said,
+               panels=each("ram", "trained", "updated")),
+        Figure(number="4.18", title="The map of RAM states", says="As Fig. 4.15, of four coordinates.",
+               panels=maps("ram")),
+    )  # fmt: skip
+    return tuple(figure for figure in figures if figure.panels)
+
+
+def _numbers() -> tuple[Number, ...]:
+    return tuple(
+        Number(
+            id=f"{kind}/{states}/{what}",
+            thesis=thesis,
+            unit=UNITS.get(kind, UNITS.get(what, what.split("-")[-1])),
+            better="higher" if kind in ("next-state", "reward") else "near",
+        )
+        for states, tests in THESIS.items()
+        for kind, numbers in tests.items()
+        for what, thesis in numbers.items()
+    )
+
+
+def _runs(specs: tuple[RunSpec, ...]) -> tuple[RunSpec, ...]:
+    """Return the runs that are tested: of each map model the first seed of each preset."""
+    return tuple(spec for spec in specs if spec.has_map and spec.seed == 0)
+
+
+RUNS = {scale: _runs(sweep.runs()) for scale, sweep in SWEEPS.items()}
+
+EXPERIMENT = Experiment(
+    name="ontology",
+    place=3,
+    title="Ontology and planner",
+    section="§4.2",
+    numbers=_numbers(),
+    settings={"full": Settings(), "quick": Settings(decisions=4000), "tiny": Settings(decisions=60)},
+    measure=measure,
+    runs=RUNS,
+)

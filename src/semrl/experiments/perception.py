@@ -1,0 +1,84 @@
+"""Perception as the experiments need it: schooled on random play, and what it makes of further play."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import islice
+
+import numpy as np
+
+from semrl.pipeline import Pipeline, View
+from semrl.runs import RunConfig
+from semrl.stages import Schooling
+from semrl.state import Game, make_env, rom_name, to_grey
+from semrl.types import Objects, Observation, SceneGraph
+
+NEW_RUN_SEED = 1_000
+"""Added to the seed of schooling for a run of which perception has seen nothing (§4.1: "an entirely new run")."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Schooled:
+    """A pipeline that has learned to see, and how it went.
+
+    Attributes
+    ----------
+    pipeline
+        It; only its embedder has not learned.
+    stability
+        Stage → measured value at each batch from the 250th on.
+    batches
+        Stage → batches it took.
+    """
+
+    pipeline: Pipeline
+    stability: dict[str, list[float]]
+    batches: dict[str, int]
+
+
+@lru_cache(maxsize=8)
+def school(config: RunConfig, view: View) -> Schooled:
+    """Let a pipeline learn everything but its embedding, on random play (§3.2.3)."""
+    pipeline = Pipeline(config.pipeline, view, rom_name(make_env(config.env, config.environment)))
+    schooling = Schooling(pipeline, config.stability)
+    play = random_play(config, config.seed)
+    learned: dict[str, int] = {}
+    while schooling.current and schooling.current.name != "documents":
+        stage = schooling.learn(next(play))
+        learned[stage.name] = stage.batches_
+    stability = {stage.name: stage.test.values_ for stage in schooling.stages if hasattr(stage, "test")}
+    return Schooled(pipeline=pipeline, stability=stability, batches=learned)
+
+
+def random_play(config: RunConfig, seed: int) -> Iterator[Observation]:
+    """Act at random and yield what is seen, episode after episode, without end."""
+    while True:
+        yield from random_episode(config, seed)
+        seed += 1
+
+
+def random_episode(config: RunConfig, seed: int) -> Iterator[Observation]:
+    """Act at random for one episode and yield what is seen."""
+    rng = np.random.default_rng(seed)
+    game = Game(make_env(config.env, config.environment), seed)
+    yield game.reset()
+    done = False
+    while not done:
+        outcome = game.step(int(rng.integers(game.n_actions)))
+        yield outcome.observation
+        done = outcome.done
+
+
+def new_run(config: RunConfig, most: int | None) -> Iterator[Observation]:
+    """Yield one random episode that nothing was learned from, cut after so many frames."""
+    return islice(random_episode(config, config.seed + NEW_RUN_SEED), most)
+
+
+def objects_of(pipeline: Pipeline, play: Iterator[Observation]) -> Iterator[Objects]:
+    """Yield the objects of every frame."""
+    return (pipeline.detector.detect(to_grey(observation.frame)) for observation in play)
+
+
+def scenes_of(pipeline: Pipeline, play: Iterator[Observation]) -> list[SceneGraph]:
+    """Return the scene of every frame."""
+    return [pipeline.scene(to_grey(observation.frame)) for observation in play]

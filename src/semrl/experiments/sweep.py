@@ -1,0 +1,93 @@
+"""The training runs behind Table 4.1, as data."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from semrl.pipeline import MODELS
+from semrl.reasoning import MAP_MODELS
+from semrl.runs import RunConfig, preset
+
+CHEAPEST = ("ram", "semantic", "ram-map", "semantic-map", "otsu", "baseline", "birch")
+"""Models, those whose decisions take least time first."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunSpec:
+    """One training run.
+
+    Attributes
+    ----------
+    preset, model, seed
+        As `semrl train` has them.
+    frames
+        Budget.
+    overrides
+        Nested settings on top of the preset.
+    planner_episodes
+        Episodes that the planner plays alone after training, where there is a map.
+    """
+
+    preset: str
+    model: str
+    seed: int
+    frames: int
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+    planner_episodes: int = 5
+
+    @property
+    def id(self) -> str:
+        """What it is called."""
+        return f"{self.preset}-{self.model}-{self.seed}"
+
+    @property
+    def has_map(self) -> bool:
+        """Whether the model reasons."""
+        return self.model in MAP_MODELS
+
+    def config(self) -> RunConfig:
+        """Return the configuration of the run."""
+        return preset(self.preset, self.model, {**self.overrides, "frames": self.frames, "seed": self.seed})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sweep:
+    """Runs of all models: for each preset the seeds of models that see images, and of the others.
+
+    Attributes
+    ----------
+    frames
+        Budget of each run in emulator frames, four to a decision.
+    seeds
+        Preset → seeds of pixel models and seeds of the others.
+    overrides
+        Nested settings, for every run; what stands under ``models`` is for one model only.
+    planner_episodes
+        See `RunSpec`.
+    """
+
+    frames: int
+    seeds: Mapping[str, tuple[tuple[int, ...], tuple[int, ...]]]
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+    planner_episodes: int = 5
+
+    def runs(self, *, models: Sequence[str] = tuple(MODELS)) -> tuple[RunSpec, ...]:
+        """Return all runs, those of Table 4.1's first model first."""
+        return tuple(
+            RunSpec(
+                preset=name,
+                model=model,
+                seed=seed,
+                frames=self.frames,
+                overrides=self.overrides,
+                planner_episodes=self.planner_episodes,
+            )
+            for name, (pixels, others) in self.seeds.items()
+            for model in models
+            for seed in (pixels if MODELS[model] in ("grey", "components", "classes") else others)
+        )
+
+
+def cheapest_first(specs: Sequence[RunSpec]) -> list[RunSpec]:
+    """Sort runs by the time they take; of equal ones first seeds come first."""
+    return sorted(specs, key=lambda spec: (CHEAPEST.index(spec.model), spec.seed))
