@@ -3,9 +3,17 @@
 import functools
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from semrl.types import Image, Ints, Objects
+from semrl.types import IMAGE_SIZE_PX, Floats, Image, Ints, Objects
+
+FARTHEST_PX = 1 << 30
+
+compiled = njit(cache=True, nogil=True)
+
+_SHARES = np.arange(256, dtype=np.float32) / np.float32(255)
+"""Grey levels as shares of white."""
 
 
 @functools.cache
@@ -17,6 +25,12 @@ def n_parts(length_px: int, limit_px: int) -> int:
     """
     fewest = -(-length_px // limit_px)
     return next((n for n in range(fewest, 2 * fewest + 1) if length_px % n == 0), fewest)
+
+
+@functools.cache
+def parts_table(limit_px: int) -> Ints:
+    """Return `n_parts` of every length that an image can have, ``(85,)``; 1 for nothing."""
+    return np.array([1] + [n_parts(length, limit_px) for length in range(1, IMAGE_SIZE_PX + 1)])
 
 
 def cut_components(image: Image, labels: NDArray[np.int32], boxes_px: Ints, limit_px: int) -> Objects:
@@ -36,34 +50,76 @@ def cut_components(image: Image, labels: NDArray[np.int32], boxes_px: Ints, limi
     limit_px
         Largest height and width of an object.
     """
-    pixels = np.stack(np.nonzero(labels))  # (2, p): row and column of each foreground pixel
-    rows, cols = pixels
-    owner = labels[rows, cols].astype(np.int64) - 1  # (p,) the component of each of them
+    boxes, crops, centres, pieces = _cut(image, labels, boxes_px, limit_px, parts_table(limit_px))
+    return Objects(crops=crops, centres_px=centres, boxes_px=boxes, labels=pieces)
+
+
+@compiled
+def _cut(
+    image: Image, labels: NDArray[np.int32], boxes: Ints, limit_px: int, parts_of: Ints
+) -> tuple[Ints, Floats, Floats, NDArray[np.int32]]:
+    """Return boxes, crops, centres and labels of the pieces."""
+    places, owners = _pixels(labels)
     for axis in (1, 0):
-        owner, boxes_px = _split(owner, boxes_px, pixels, axis, limit_px)
-    top, left, height, width = boxes_px.T
-    crops = np.zeros((len(boxes_px), limit_px, limit_px), dtype=np.float32)
-    # An odd gap leaves the object half a pixel up and left of the window's middle.
-    crop_rows = rows - (top - (limit_px - height) // 2)[owner]
-    crop_cols = cols - (left - (limit_px - width) // 2)[owner]
-    crops[owner, crop_rows, crop_cols] = image[rows, cols] / np.float32(255)
+        boxes = _split(places, owners, boxes, axis, parts_of)
+    crops = np.zeros((len(boxes), limit_px, limit_px), np.float32)
+    centres = np.empty((len(boxes), 2), np.float32)
+    origins = np.empty((len(boxes), 2), np.int64)  # the pixel in the corner of each window
+    for i in range(len(boxes)):
+        for axis in range(2):
+            start, length = boxes[i, axis], boxes[i, axis + 2]
+            centres[i, axis] = start + (length - 1) / 2
+            # An odd gap leaves the object half a pixel up and left of the window's middle.
+            origins[i, axis] = start - (limit_px - length) // 2
     pieces = np.zeros_like(labels)
-    pieces[rows, cols] = owner + 1
-    centres = np.stack([top + (height - 1) / 2, left + (width - 1) / 2], axis=1)
-    return Objects(crops=crops, centres_px=centres.astype(np.float32), boxes_px=boxes_px, labels=pieces)
+    for p in range(len(owners)):
+        row, column, owner = places[p, 0], places[p, 1], owners[p]
+        crops[owner, row - origins[owner, 0], column - origins[owner, 1]] = _SHARES[image[row, column]]
+        pieces[row, column] = owner + 1
+    return boxes, crops, centres, pieces
 
 
-def _split(owner: Ints, boxes_px: Ints, pixels: Ints, axis: int, limit_px: int) -> tuple[Ints, Ints]:
-    """Split every object along one axis; return each pixel's new owner and the new objects' tight boxes."""
-    start, length = boxes_px[:, axis], boxes_px[:, axis + 2]
-    parts = np.array([n_parts(size, limit_px) for size in length.tolist()], dtype=np.int64)
+@compiled
+def _pixels(labels: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return row and column of each foreground pixel, ``(p, 2)``, and the component it belongs to, ``(p,)``."""
+    places = np.empty((labels.size, 2), np.int32)
+    owners = np.empty(labels.size, np.int32)
+    count = 0
+    for row in range(labels.shape[0]):
+        for column in range(labels.shape[1]):
+            if labels[row, column]:
+                places[count, 0], places[count, 1] = row, column
+                owners[count] = labels[row, column] - 1
+                count += 1
+    return places[:count], owners[:count]
+
+
+@compiled
+def _split(
+    places: NDArray[np.int32], owners: NDArray[np.int32], boxes: Ints, axis: int, parts_of: Ints
+) -> Ints:
+    """Split every object along one axis: change each pixel's owner and return the new objects' tight boxes."""
+    starts = boxes[:, axis].astype(np.int32)
+    lengths = boxes[:, axis + 2].astype(np.int32)
+    parts = parts_of[lengths].astype(np.int32)
     first = np.cumsum(parts) - parts  # number of each object's first piece
-    piece = first[owner] + (pixels[axis] - start[owner]) * parts[owner] // length[owner]
+    numbers = np.zeros(parts.sum() + 1, np.int32)
+    for p in range(len(owners)):
+        owner = owners[p]
+        piece = first[owner]
+        if parts[owner] > 1:
+            piece += (places[p, axis] - starts[owner]) * parts[owner] // lengths[owner]
+        owners[p] = piece
+        numbers[piece] = 1
     # Inside an object of several arms a piece may be empty: number only those with pixels.
-    found, owner = np.unique(piece, return_inverse=True)
-    low = np.full((2, len(found)), np.iinfo(np.int64).max)
-    high = np.full((2, len(found)), -1)
-    for i in range(2):
-        np.minimum.at(low[i], owner, pixels[i])
-        np.maximum.at(high[i], owner, pixels[i])
-    return owner, np.concatenate([low, high - low + 1]).T
+    numbers = np.cumsum(numbers) - 1
+    tight = np.empty((numbers[-1] + 1, 4), np.int64)
+    tight[:, :2], tight[:, 2:] = FARTHEST_PX, -1
+    for p in range(len(owners)):
+        owners[p] = numbers[owners[p]]
+        box = tight[owners[p]]
+        for side in range(2):
+            box[side] = min(box[side], places[p, side])
+            box[side + 2] = max(box[side + 2], places[p, side])
+    tight[:, 2:] += 1 - tight[:, :2]
+    return tight

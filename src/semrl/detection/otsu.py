@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.arrays import Arrays
+from semrl.detection.components import connected_components
 from semrl.detection.cutting import cut_components
 from semrl.errors import DataError, UsageError
 from semrl.types import IMAGE_SIZE_PX, Image, Ints, Objects
@@ -94,10 +95,7 @@ class OtsuDetector:
     def _components(self, image: Image) -> tuple[NDArray[np.int32], Ints]:
         """Return the numbered components and each one's box: top, left, height, width."""
         _check(image)
-        foreground = (image > self.threshold_).astype(np.uint8)
-        _, labels, stats, _ = cv2.connectedComponentsWithStats(foreground, connectivity=8)
-        order = [cv2.CC_STAT_TOP, cv2.CC_STAT_LEFT, cv2.CC_STAT_HEIGHT, cv2.CC_STAT_WIDTH]
-        return np.asarray(labels, dtype=np.int32), stats[1:, order].astype(np.int64)
+        return connected_components(image, self.threshold_)
 
 
 def _check(image: Image) -> None:
