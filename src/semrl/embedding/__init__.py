@@ -4,6 +4,7 @@ from semrl.embedding.doc2vec import Doc2VecConfig, Doc2VecEmbedding
 from semrl.embedding.fractional import FractionalEmbedding, FractionalEmbeddingConfig
 from semrl.embedding.graph_distance import GraphDistanceConfig, graph_distance, graph_distances, nearest_graphs
 from semrl.embedding.hashing import HashedEmbedding, HashedEmbeddingConfig
+from semrl.embedding.online import OnlineEmbedding, OnlineEmbeddingConfig
 from semrl.embedding.retrieval import Retrieval
 from semrl.embedding.scene_graph import SceneGraphConfig, build_scene_graph
 from semrl.embedding.scenery import Scenery
@@ -19,6 +20,8 @@ __all__ = [
     "GraphDistanceConfig",
     "HashedEmbedding",
     "HashedEmbeddingConfig",
+    "OnlineEmbedding",
+    "OnlineEmbeddingConfig",
     "Retrieval",
     "SceneGraphConfig",
     "Scenery",

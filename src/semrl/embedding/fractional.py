@@ -112,6 +112,11 @@ class FractionalEmbedding:
         vectors, places = self._objects.look_up(object_keys(graph))
         return add_rows(vectors, places).astype(np.float32) * self._scale
 
+    def objects(self, graph: SceneGraph) -> Floats:
+        """Embed each object on its own, ``(n, dimension)`` float32; a scene is their sum."""
+        vectors, places = self._objects.look_up(object_keys(graph))
+        return vectors[places].astype(np.float32) * self._scale
+
     def to_arrays(self) -> Arrays:
         """Return nothing: there is no state."""
         return {}
