@@ -4,15 +4,14 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from semrl.kernels import compiled
 
 MOST_ENTRIES = 1 << 15
 """Entries at which a memo is emptied; Pong needs about 3,000."""
 
 _FREE = -1
-
-compiled = njit(cache=True, nogil=True)
 
 
 class Memo:

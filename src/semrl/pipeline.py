@@ -3,6 +3,7 @@
 frame ─ grey image ─ objects ─ reduced objects ─ classes ─ scene graph ─ vector
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -15,10 +16,16 @@ from semrl.detection import DetectionConfig, OtsuDetector, label_image
 from semrl.embedding import (
     Doc2VecConfig,
     Doc2VecEmbedding,
+    FractionalEmbedding,
+    FractionalEmbeddingConfig,
     HashedEmbedding,
     HashedEmbeddingConfig,
+    OnlineEmbedding,
+    OnlineEmbeddingConfig,
     SceneGraphConfig,
     Scenery,
+    SlotsEmbedding,
+    SlotsEmbeddingConfig,
     build_scene_graph,
 )
 from semrl.protocols import Embedder
@@ -53,12 +60,31 @@ class PipelineConfig:
     """When objects are of one kind."""
     scene: SceneGraphConfig = field(default_factory=SceneGraphConfig)
     """Which objects a scene has, and which of them are joined."""
-    embedding: Literal["doc2vec", "hashed"] = "doc2vec"
-    """How a scene becomes a vector: the thesis's way (needs the extra 'thesis') or signed hashing."""
+    embedding: Literal["doc2vec", "hashed", "fractional", "online", "slots"] = "doc2vec"
+    """How a scene becomes a vector: the thesis's way (needs the extra 'thesis'), hashed words, places as phases,
+    those and words learned as they come, or a plain list of objects."""
     doc2vec: Doc2VecConfig = field(default_factory=Doc2VecConfig)
     """Parameters of the thesis's embedding."""
     hashed: HashedEmbeddingConfig = field(default_factory=HashedEmbeddingConfig)
     """Parameters of the hashed embedding."""
+    fractional: FractionalEmbeddingConfig = field(default_factory=FractionalEmbeddingConfig)
+    """Parameters of the fractional embedding."""
+    online: OnlineEmbeddingConfig = field(default_factory=OnlineEmbeddingConfig)
+    """Parameters of the online embedding."""
+    slots: SlotsEmbeddingConfig = field(default_factory=SlotsEmbeddingConfig)
+    """Parameters of the plain list."""
+
+
+def make_embedder(config: PipelineConfig) -> Embedder:
+    """Make the embedding that the configuration names."""
+    makers: dict[str, Callable[[], Embedder]] = {
+        "doc2vec": lambda: Doc2VecEmbedding(config.doc2vec),
+        "hashed": lambda: HashedEmbedding(config.hashed),
+        "fractional": lambda: FractionalEmbedding(config.fractional),
+        "online": lambda: OnlineEmbedding(config.online),
+        "slots": lambda: SlotsEmbedding(config.slots),
+    }
+    return makers[config.embedding]()
 
 
 class Pipeline:
@@ -88,8 +114,7 @@ class Pipeline:
         self.birch = Birch(config.birch)
         self.scenery = Scenery()
         # Doc2vec needs an extra: do not ask for it where nothing is embedded.
-        needs_doc2vec = view == "embedding" and config.embedding == "doc2vec"
-        self.embedder: Embedder = Doc2VecEmbedding(config.doc2vec) if needs_doc2vec else HashedEmbedding(config.hashed)
+        self.embedder: Embedder = make_embedder(config) if view == "embedding" else HashedEmbedding(config.hashed)
         if view == "ram":
             self.shape: tuple[int, ...] = (len(ram_feature_names(self.rom)),)
         else:
@@ -132,8 +157,9 @@ class Pipeline:
 
     def shown(self, classes: Ints) -> Ints:
         """Return which objects of a frame are part of the scene: all, or all but scenery."""
-        omitted = self.scenery.still_ if self.config.scene.omit_scenery else ()
-        return np.flatnonzero(~np.isin(classes, omitted))
+        if not self.config.scene.omit_scenery:
+            return np.arange(len(classes))
+        return np.flatnonzero(~self.scenery.is_still(classes))
 
     def to_arrays(self) -> Arrays:
         """Return what every box has learned."""

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from semrl.report.charts import learning_curve, stability_path
-from semrl.report.record import Series, running_mean
+from semrl.report.record import Series
 from semrl.report.wording import duration, number
+from semrl.runs.metrics import running_mean
 
 
 def series(*values):

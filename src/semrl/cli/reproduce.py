@@ -22,7 +22,7 @@ from semrl.report.wording import number
 
 @dataclass(frozen=True, kw_only=True)
 class ReproduceArguments:
-    """Do the thesis's evaluation again: method, clusters, embeddings, ontology, scores. Ours stands beside the thesis's.
+    """Do the thesis's evaluation again, ours beside the thesis's: method, clusters, embeddings, ontology, scores.
 
     Results, runs and one page, report.html, go into a folder. What is there already is not done again, so that it can
     be stopped at any moment: the same command goes on.

@@ -10,8 +10,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from semrl.clustering.cf_store import HEIGHT, N_LEAVES, N_NODES, NEXT_ID, ROOT, Features, Store
+from semrl.kernels import compiled
 
-compiled = njit(cache=True, nogil=True)
 # A sum may be taken in another order, to use vector registers; it is still the same order at every call.
 compiled_sum = njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
 

@@ -3,17 +3,13 @@
 import functools
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from semrl.detection.components import Components, tight_boxes
+from semrl.kernels import compiled
 from semrl.types import IMAGE_SIZE_PX, Floats, Image, Ints, Objects
 
-FARTHEST_PX = 1 << 30
-
-compiled = njit(cache=True, nogil=True)
-
-_SHARES = np.arange(256, dtype=np.float32) / np.float32(255)
-"""Grey levels as shares of white."""
+_SHARES_OF_WHITE = np.arange(256, dtype=np.float32) / np.float32(255)
 
 
 @functools.cache
@@ -33,7 +29,7 @@ def parts_table(limit_px: int) -> Ints:
     return np.array([1] + [n_parts(length, limit_px) for length in range(1, IMAGE_SIZE_PX + 1)])
 
 
-def cut_components(image: Image, labels: NDArray[np.int32], boxes_px: Ints, limit_px: int) -> Objects:
+def cut_components(image: Image, components: Components, limit_px: int) -> Objects:
     """Cut components first along the row, then each new piece along the column where it is still too large.
 
     Every piece is measured anew before the second cut: where a paddle touches a wall only the piece
@@ -43,83 +39,62 @@ def cut_components(image: Image, labels: NDArray[np.int32], boxes_px: Ints, limi
     ----------
     image
         ``(84, 84)`` uint8.
-    labels
-        ``(84, 84)`` int32, number of the component of each pixel; 0 is background.
-    boxes_px
-        ``(c, 4)``, top, left, height and width of each component.
+    components
+        Of this image.
     limit_px
         Largest height and width of an object.
     """
-    boxes, crops, centres, pieces = _cut(image, labels, boxes_px, limit_px, parts_table(limit_px))
-    return Objects(crops=crops, centres_px=centres, boxes_px=boxes, labels=pieces)
+    boxes, crops, centres, labels = _cut(image, components, limit_px, parts_table(limit_px))
+    return Objects(crops=crops, centres_px=centres, boxes_px=boxes, labels=labels)
 
 
 @compiled
 def _cut(
-    image: Image, labels: NDArray[np.int32], boxes: Ints, limit_px: int, parts_of: Ints
+    image: Image, components: Components, limit_px: int, parts_of: Ints
 ) -> tuple[Ints, Floats, Floats, NDArray[np.int32]]:
     """Return boxes, crops, centres and labels of the pieces."""
-    places, owners = _pixels(labels)
+    places, owners, boxes = components.places_px, components.owners, components.boxes_px
     for axis in (1, 0):
-        boxes = _split(places, owners, boxes, axis, parts_of)
+        owners, boxes = _split(places, owners, boxes, axis, parts_of)
     crops = np.zeros((len(boxes), limit_px, limit_px), np.float32)
     centres = np.empty((len(boxes), 2), np.float32)
-    origins = np.empty((len(boxes), 2), np.int64)  # the pixel in the corner of each window
+    corners = np.empty((len(boxes), 2), np.int64)  # of each object's window
     for i in range(len(boxes)):
         for axis in range(2):
             start, length = boxes[i, axis], boxes[i, axis + 2]
             centres[i, axis] = start + (length - 1) / 2
             # An odd gap leaves the object half a pixel up and left of the window's middle.
-            origins[i, axis] = start - (limit_px - length) // 2
-    pieces = np.zeros_like(labels)
-    for p in range(len(owners)):
+            corners[i, axis] = start - (limit_px - length) // 2
+    labels = np.zeros(image.shape, np.int32)
+    for p in range(len(places)):
         row, column, owner = places[p, 0], places[p, 1], owners[p]
-        crops[owner, row - origins[owner, 0], column - origins[owner, 1]] = _SHARES[image[row, column]]
-        pieces[row, column] = owner + 1
-    return boxes, crops, centres, pieces
-
-
-@compiled
-def _pixels(labels: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return row and column of each foreground pixel, ``(p, 2)``, and the component it belongs to, ``(p,)``."""
-    places = np.empty((labels.size, 2), np.int32)
-    owners = np.empty(labels.size, np.int32)
-    count = 0
-    for row in range(labels.shape[0]):
-        for column in range(labels.shape[1]):
-            if labels[row, column]:
-                places[count, 0], places[count, 1] = row, column
-                owners[count] = labels[row, column] - 1
-                count += 1
-    return places[:count], owners[:count]
+        crops[owner, row - corners[owner, 0], column - corners[owner, 1]] = _SHARES_OF_WHITE[image[row, column]]
+        labels[row, column] = owner + 1
+    return boxes, crops, centres, labels
 
 
 @compiled
 def _split(
     places: NDArray[np.int32], owners: NDArray[np.int32], boxes: Ints, axis: int, parts_of: Ints
-) -> Ints:
-    """Split every object along one axis: change each pixel's owner and return the new objects' tight boxes."""
-    starts = boxes[:, axis].astype(np.int32)
-    lengths = boxes[:, axis + 2].astype(np.int32)
-    parts = parts_of[lengths].astype(np.int32)
-    first = np.cumsum(parts) - parts  # number of each object's first piece
-    numbers = np.zeros(parts.sum() + 1, np.int32)
+) -> tuple[NDArray[np.int32], Ints]:
+    """Split every object along one axis; return each pixel's new owner and the new objects' tight boxes."""
+    lengths = boxes[:, axis + 2]
+    ends = np.cumsum(lengths)
+    piece_at = np.empty(lengths.sum(), np.int64)  # of each place along each object
+    pieces = 0
+    for i in range(len(boxes)):
+        parts = parts_of[lengths[i]]
+        for offset in range(lengths[i]):
+            piece_at[ends[i] - lengths[i] + offset] = pieces + (offset * parts // lengths[i] if parts > 1 else 0)
+        pieces += parts
+    zeros = ends - lengths - boxes[:, axis]  # where each object's place 0 would be
+    split = np.empty_like(owners)
+    used = np.zeros(pieces, np.int32)
     for p in range(len(owners)):
-        owner = owners[p]
-        piece = first[owner]
-        if parts[owner] > 1:
-            piece += (places[p, axis] - starts[owner]) * parts[owner] // lengths[owner]
-        owners[p] = piece
-        numbers[piece] = 1
+        split[p] = piece_at[zeros[owners[p]] + places[p, axis]]
+        used[split[p]] = 1
     # Inside an object of several arms a piece may be empty: number only those with pixels.
-    numbers = np.cumsum(numbers) - 1
-    tight = np.empty((numbers[-1] + 1, 4), np.int64)
-    tight[:, :2], tight[:, 2:] = FARTHEST_PX, -1
+    numbers = np.cumsum(used) - 1
     for p in range(len(owners)):
-        owners[p] = numbers[owners[p]]
-        box = tight[owners[p]]
-        for side in range(2):
-            box[side] = min(box[side], places[p, side])
-            box[side + 2] = max(box[side + 2], places[p, side])
-    tight[:, 2:] += 1 - tight[:, :2]
-    return tight
+        split[p] = numbers[split[p]]
+    return split, tight_boxes(places, split, used.sum())

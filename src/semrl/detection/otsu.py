@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.arrays import Arrays
-from semrl.detection.components import connected_components
+from semrl.detection.components import Components, connected_components
 from semrl.detection.cutting import cut_components
 from semrl.errors import DataError, UsageError
-from semrl.types import IMAGE_SIZE_PX, Image, Ints, Objects
+from semrl.types import IMAGE_SIZE_PX, Image, Objects
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,6 +49,7 @@ class OtsuDetector:
     def __init__(self, config: DetectionConfig | None = None) -> None:
         self.config = config or DetectionConfig()
         self.thresholds_: list[float] = []
+        self._median = 0.0
 
     @property
     def is_fitted(self) -> bool:
@@ -60,7 +61,7 @@ class OtsuDetector:
         """The lowered threshold in grey levels; pixels above it are foreground."""
         if not self.thresholds_:
             raise DataError("the detector has seen no image yet: call partial_fit first")
-        return float(np.median(self.thresholds_)) * self.config.threshold_share
+        return self._median * self.config.threshold_share
 
     @property
     def crop_size_px(self) -> int:
@@ -72,17 +73,16 @@ class OtsuDetector:
         _check(image)
         if not self.is_fitted:
             threshold, _ = cv2.threshold(image, 0, 255, cv2.THRESH_OTSU)
-            self.thresholds_.append(float(threshold))
+            self._keep([*self.thresholds_, float(threshold)])
         return self
 
     def components(self, image: Image) -> NDArray[np.int32]:
         """Number the connected components (8 neighbours) of the foreground, ``(84, 84)``; 0 is background."""
-        return self._components(image)[0]
+        return self._components(image).labels
 
     def detect(self, image: Image) -> Objects:
         """Find the objects of an image: its components, the large ones cut into equal parts."""
-        labels, boxes = self._components(image)
-        return cut_components(image, labels, boxes, self.crop_size_px)
+        return cut_components(image, self._components(image), self.crop_size_px)
 
     def to_arrays(self) -> Arrays:
         """Return the thresholds found."""
@@ -90,10 +90,13 @@ class OtsuDetector:
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Take over thresholds."""
-        self.thresholds_ = arrays["thresholds"].tolist()
+        self._keep(arrays["thresholds"].tolist())
 
-    def _components(self, image: Image) -> tuple[NDArray[np.int32], Ints]:
-        """Return the numbered components and each one's box: top, left, height, width."""
+    def _keep(self, thresholds: list[float]) -> None:
+        self.thresholds_ = thresholds
+        self._median = float(np.median(thresholds)) if thresholds else 0.0
+
+    def _components(self, image: Image) -> Components:
         _check(image)
         return connected_components(image, self.threshold_)
 

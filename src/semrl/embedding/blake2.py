@@ -4,10 +4,9 @@ It gives what ``hashlib.blake2b`` gives, for messages without a key.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-compiled = njit(cache=True, nogil=True)
+from semrl.kernels import compiled
 
 BLOCK_BYTES = 128
 ROUNDS = 12

@@ -107,7 +107,7 @@ class FractionalEmbedding:
         Raises
         ------
         DataError
-            If a centre is not finite or beyond all pictures.
+            If a centre is not finite or too far away.
         """
         vectors, places = self._objects.look_up(object_keys(graph))
         return add_rows(vectors, places).astype(np.float32) * self._scale

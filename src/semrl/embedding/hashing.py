@@ -10,18 +10,17 @@ from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
-from numba import njit
 
 from semrl.arrays import Arrays
 from semrl.embedding.word_hashes import Hashes, WordHasher
 from semrl.embedding.words import WordsConfig
 from semrl.errors import UsageError
+from semrl.kernels import compiled
 from semrl.memo import Memo
 from semrl.types import Floats, Ints, SceneGraph
 
 MAX_SPREAD_PX = 32.0
 
-compiled = njit(cache=True, nogil=True)
 
 _ONE = 64
 """What a word of weight 1 adds: sums are of integers, so that their order does not matter to the last bit."""
@@ -76,7 +75,7 @@ class HashedEmbedding:
 
     def __init__(self, config: HashedEmbeddingConfig | None = None) -> None:
         self.config = config or HashedEmbeddingConfig()
-        window = np.array(_window(0.0, self.config.spread_px)[1])
+        _, window = _window(np.array(0), self.config.spread_px)
         # A word that names one coordinate is met at every position of the other: its spread copies have this length.
         length = float(np.sqrt((window**2).sum()) * window.sum())
         self._class_weight = round(_ONE * length)
@@ -131,21 +130,13 @@ class HashedEmbedding:
 
     def _sum_objects(self, keys: Ints) -> Ints:
         """Sum the words of each of ``(k, 3)`` objects, ``(k, dimension)``."""
-        sums = np.zeros((len(keys), self.dimension), np.int64)
-        for total, (number, row, column) in zip(sums, keys.tolist(), strict=True):
-            self._sum_object(total, number, row / 2, column / 2)
-        return sums
-
-    def _sum_object(self, total: Ints, number: int, row: float, column: float) -> None:
-        """Add the words of an object, those of its position spread over the neighbouring ones."""
-        rows, row_weights = _window(row, self.config.spread_px)
-        columns, column_weights = _window(column, self.config.spread_px)
-        places = np.array([(r, c) for r in rows for c in columns])  # (p, 2)
-        weights = _ONE * np.outer(row_weights, column_weights).ravel()  # (p,)
-        words = self._hasher.places(np.full(len(places), number), places)  # (p, w)
-        for word_hashes, weight in zip(words, weights.tolist(), strict=True):
-            add_words(total, word_hashes[None, 1:], weight)
-        add_words(total, words[:1, :1], self._class_weight)
+        positions, weights = _window(keys[:, 1:], self.config.spread_px)  # (k, 2, w)
+        n, _, width = positions.shape
+        places = np.empty((n, width, width, 2), np.int64)
+        places[..., 0], places[..., 1] = positions[:, 0, :, None], positions[:, 1, None, :]
+        words = self._hasher.places(np.repeat(keys[:, 0], width * width), places.reshape(-1, 2))
+        both = (weights[:, 0, :, None] * weights[:, 1, None, :]).reshape(n, -1)
+        return sum_spread(words.reshape(n, width * width, words.shape[1]), _ONE * both, self._class_weight, self.dimension)
 
 
 @compiled
@@ -158,22 +149,60 @@ def add_rows(sums: Ints, places: Ints) -> Ints:
 
 
 @compiled
+def sum_spread(words: Hashes, weights: Ints, class_weight: int, dimension: int) -> Ints:
+    """Sum the position words of objects.
+
+    Parameters
+    ----------
+    words
+        ``(n, p, w)``, of each object at each position around it; the first of them names its class.
+    weights
+        ``(n, p)``, of all words of a position but the first.
+    class_weight
+        Of the first word, which counts once.
+    dimension
+        Length of the vectors.
+
+    Returns
+    -------
+    ``(n, dimension)`` int64.
+    """
+    sums = np.zeros((len(words), dimension), np.int64)
+    for i in range(len(words)):
+        for p in range(words.shape[1]):
+            add_words(sums[i], words[i, p, 1:], weights[i, p])
+        add_words(sums[i], words[i, 0, :1], class_weight)
+    return sums
+
+
+@compiled
 def add_words(total: Ints, hashes: Hashes, weight: int) -> None:
     """Count words: the lowest bit of a word's hash is its sign, the others say which component it adds to."""
     dimension = np.uint64(len(total))
-    for word_hash in hashes.ravel():
+    for word_hash in hashes.flat:
         component = (word_hash >> np.uint64(1)) % dimension
         total[component] += -weight if word_hash & np.uint64(1) else weight
 
 
-def _window(centre_px: float, spread_px: float) -> tuple[list[int], list[int]]:
-    """Return the whole positions nearer than ``spread_px`` and their triangular weights, in half pixels.
+def _window(halves: Ints, spread_px: float) -> tuple[Ints, Ints]:
+    """Return whole positions around coordinates and their triangular weights, in half pixels.
 
-    Without spread it is the position itself with its fraction cut off, as `words.sentences` has it.
+    Parameters
+    ----------
+    halves
+        ``(...,)`` coordinates in half pixels.
+    spread_px
+        Positions nearer than this weigh more than 0. Without spread it is the position itself with its fraction
+        cut off, as `words.sentences` has it.
+
+    Returns
+    -------
+    positions, weights
+        Each ``(..., w)`` int64.
     """
     if not spread_px:
-        return [int(centre_px)], [1]
+        positions = np.fix(halves / 2).astype(np.int64)[..., None]
+        return positions, np.ones_like(positions)
     reach = round(2 * spread_px)
-    positions = range(int(centre_px - spread_px) - 1, int(centre_px + spread_px) + 2)
-    weights = {p: reach - round(2 * abs(p - centre_px)) for p in positions}
-    return [p for p, w in weights.items() if w > 0], [w for w in weights.values() if w > 0]
+    positions = (halves // 2)[..., None] + np.arange(-(reach // 2), reach // 2 + 1)
+    return positions, np.maximum(reach - np.abs(2 * positions - halves[..., None]), 0)

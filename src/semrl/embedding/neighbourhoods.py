@@ -1,16 +1,15 @@
 """What each object is surrounded by, as compiled hashes (Weisfeiler and Lehman; §3.2.3, Fig. 3.7)."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from semrl.embedding.blake2 import blake2b
+from semrl.kernels import compiled
 from semrl.types import Ints, SceneGraph
 
 LABEL_BYTES = 32
 """Length of a hash in hexadecimal digits; a class number is never longer."""
 
-compiled = njit(cache=True, nogil=True)
 
 _DIGITS = np.frombuffer(b"0123456789abcdef", np.uint8)
 _NO_SALT = np.uint64(0)
@@ -57,7 +56,7 @@ def _labels(classes: Ints, edges: Ints, iterations: int) -> Texts:
     labels = np.zeros((n, LABEL_BYTES), np.uint8)
     lengths = np.empty(n, np.int64)
     for i in range(n):
-        lengths[i] = _write_number(classes[i], labels[i])
+        lengths[i] = write_number(classes[i], labels[i])
     starts, neighbours = _adjacency(n, edges)
     longest = np.max(np.diff(starts)) if n else 0
     message = np.empty((longest + 1) * LABEL_BYTES, np.uint8)
@@ -76,23 +75,23 @@ def _labels(classes: Ints, edges: Ints, iterations: int) -> Texts:
 
 
 @compiled
-def _write_number(number: int, text: NDArray[np.uint8]) -> int:
+def write_number(number: int, text: NDArray[np.uint8]) -> int:
     """Write an integer in decimal digits; return how many characters that are."""
     length = 0
+    rest = np.uint64(number)
     if number < 0:
-        text[0] = ord("-")
-        length = 1
-    size = np.uint64(-number) if number < 0 else np.uint64(number)
-    ten = np.uint64(10)
-    rest = size
-    while rest >= ten:
-        rest //= ten
+        text[0], length = ord("-"), 1
+        rest = ~rest + np.uint64(1)
+    end = length + 1
+    power = np.uint64(1)
+    while rest // power >= np.uint64(10):
+        power *= np.uint64(10)
+        end += 1
+    while length < end:
+        text[length] = _DIGITS[rest // power]
+        rest %= power
+        power //= np.uint64(10)
         length += 1
-    length += 1
-    for place in range(length - 1, -1, -1):
-        if text[place] != ord("-"):
-            text[place] = _DIGITS[size % ten]
-            size //= ten
     return length
 
 

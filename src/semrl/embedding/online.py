@@ -143,7 +143,7 @@ class OnlineEmbedding:
         Raises
         ------
         DataError
-            If a centre is not finite or beyond all pictures; nothing is learned then.
+            If a centre is not finite or too far away; nothing is learned then.
         """
         # Divided by the root of their number, so that crowded scenes are learned like others.
         crowd = np.float32(1 / np.sqrt(max(len(graph), 1)))
@@ -173,7 +173,7 @@ class OnlineEmbedding:
         UsageError
             If nothing was learned yet.
         DataError
-            If a centre is not finite or beyond all pictures.
+            If a centre is not finite or too far away.
         """
         memory = self._learned()
         prior: Floats = np.float32(self.config.prior) * self._places.transform(graph)

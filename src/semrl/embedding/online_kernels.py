@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from semrl.kernels import compiled
 from semrl.types import Floats, Ints
 
 NOISE_POWER = 0.75
@@ -18,8 +18,6 @@ ONE = 1 << 30
 """What a component of 1 counts: sums are of integers, so that their order does not matter to the last bit."""
 
 _STEEPEST = 8.0  # scores beyond it are as sure as this
-
-compiled = njit(cache=True, nogil=True, error_model="numpy")
 
 
 class Memory(NamedTuple):

@@ -1,21 +1,17 @@
 """The scene graph (§3.2.3, Fig. 3.6): objects are nodes, objects close to each other are joined."""
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from semrl.errors import DataError, UsageError
-from semrl.types import Ints, SceneGraph
+from semrl.kernels import compiled
+from semrl.types import Floats, Ints, SceneGraph
 
-_ALL_PAIRS_UP_TO = 256
-"""Number of objects up to which comparing all pairs beats building a tree."""
-
-_BEYOND_ALL_PICTURES = 1 << 31
-"""Half pixels; what lies further away is no place."""
+FARTHEST_PX = 1e6
+"""Largest coordinate of a centre."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -59,26 +55,17 @@ def build_scene_graph(classes: NDArray[Any], centres_px: NDArray[Any], proximity
     Raises
     ------
     DataError
-        If the arrays do not belong together, a centre is not finite, or the proximity is not a
-        finite number from 0 on.
+        If the arrays do not belong together, a centre is not finite or farther than `FARTHEST_PX`, or the
+        proximity is not a finite number from 0 on.
     """
     classes, centres = _checked(classes, centres_px)
     if not 0 <= proximity_px < np.inf:
         raise DataError(f"proximity_px must be a finite number from 0 on, not {proximity_px}")
-    # float64, so that the limit is compared exactly whenever centres are multiples of half a pixel
-    places = centres.astype(np.float64)
-    first, second = _candidates(places, proximity_px)
-    gap = places[first] - places[second]  # (k, 2)
-    squared = gap[:, 0] * gap[:, 0] + gap[:, 1] * gap[:, 1]  # (k,)
-    close = np.flatnonzero(squared <= proximity_px * proximity_px)  # (m,)
-    edges = np.empty((len(close), 2), dtype=np.int64)
-    edges[:, 0] = first[close]
-    edges[:, 1] = second[close]
-    lengths = np.sqrt(squared[close]).astype(np.float32)
+    edges, lengths = _edges(centres, proximity_px)
     return SceneGraph(classes=classes, centres_px=centres, edges=edges, lengths_px=lengths)
 
 
-def _checked(classes: NDArray[Any], centres_px: NDArray[Any]) -> tuple[Ints, NDArray[np.float32]]:
+def _checked(classes: NDArray[Any], centres_px: NDArray[Any]) -> tuple[Ints, Floats]:
     classes, centres_px = np.asarray(classes), np.asarray(centres_px)
     if classes.size == 0 and centres_px.size == 0:
         return np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.float32)
@@ -87,26 +74,14 @@ def _checked(classes: NDArray[Any], centres_px: NDArray[Any]) -> tuple[Ints, NDA
     if centres_px.shape != (len(classes), 2):
         raise DataError(f"each object needs a class and a centre: {classes.shape} classes, {centres_px.shape} centres")
     centres = np.array(centres_px, dtype=np.float32)
-    if not np.isfinite(centres).all():
-        row = int(np.flatnonzero(~np.isfinite(centres).all(axis=1))[0])
-        raise DataError(f"the centre of object {row} is not finite: {centres[row].tolist()}")
+    _check_places(centres)
     return np.array(classes, dtype=np.int64), centres
 
 
-def _candidates(places: NDArray[np.float64], proximity_px: float) -> tuple[Ints, Ints]:
-    """Return pairs in ascending order, among them all that are close enough."""
-    if len(places) <= _ALL_PAIRS_UP_TO:
-        return _all_pairs(len(places))
-    # A hair wider than asked: the caller applies the one exact comparison to both kinds of candidates.
-    pairs = cKDTree(places).query_pairs(np.nextafter(proximity_px, np.inf) * (1 + 1e-9), output_type="ndarray")
-    pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]  # (k, 2)
-    return pairs[:, 0], pairs[:, 1]
-
-
-@lru_cache(maxsize=_ALL_PAIRS_UP_TO + 1)
-def _all_pairs(count: int) -> tuple[Ints, Ints]:
-    first, second = np.triu_indices(count, k=1)
-    return first, second
+def _check_places(centres: Floats) -> None:
+    far = _first_far(centres)
+    if far >= 0:
+        raise DataError(f"the centre of object {far} is not finite or too far away: {centres[far].tolist()}")
 
 
 def object_keys(graph: SceneGraph) -> Ints:
@@ -115,9 +90,45 @@ def object_keys(graph: SceneGraph) -> Ints:
     Raises
     ------
     DataError
-        If a centre is not finite or further away than 2³¹ half pixels.
+        If a centre is not finite or further away than `FARTHEST_PX`.
     """
-    halves = np.rint(graph.centres_px.astype(np.float64) * 2)  # (n, 2)
-    if not (np.abs(halves) < _BEYOND_ALL_PICTURES).all():  # false for nan as well
-        raise DataError("a scene has an object whose centre is not finite or beyond all pictures")
-    return np.column_stack([graph.classes, halves.astype(np.int64)])
+    _check_places(graph.centres_px)
+    return np.column_stack([graph.classes, np.rint(graph.centres_px * 2).astype(np.int64)])
+
+
+@compiled
+def _first_far(centres: Floats) -> int:
+    """Return the first object whose centre is not within `FARTHEST_PX`; −1 if there is none."""
+    for i in range(len(centres)):
+        for place in centres[i]:
+            if not abs(place) <= FARTHEST_PX:  # false for NaN too
+                return i
+    return -1
+
+
+@compiled
+def _edges(centres: Floats, proximity_px: float) -> tuple[Ints, Floats]:
+    """Compare all pairs; return those that are close enough in ascending order, and their distances."""
+    n, limit = len(centres), proximity_px * proximity_px
+    count = 0
+    for i in range(n):
+        for j in range(i + 1, n):
+            count += _squared_distance(centres, i, j) <= limit
+    edges, lengths = np.empty((count, 2), np.int64), np.empty(count, np.float32)
+    m = 0
+    for i in range(n):
+        for j in range(i + 1, n):
+            squared = _squared_distance(centres, i, j)
+            if squared <= limit:
+                edges[m, 0], edges[m, 1] = i, j
+                lengths[m] = np.sqrt(squared)
+                m += 1
+    return edges, lengths
+
+
+@compiled
+def _squared_distance(centres: Floats, i: int, j: int) -> float:
+    # float64, so that the limit is compared exactly whenever centres are multiples of half a pixel
+    rows = np.float64(centres[i, 0]) - np.float64(centres[j, 0])
+    columns = np.float64(centres[i, 1]) - np.float64(centres[j, 1])
+    return float(rows * rows + columns * columns)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.arrays import Arrays
+from semrl.kernels import compiled
 from semrl.types import Ints
 
 LEAST_MOVING_SHARE = 0.1
@@ -35,7 +36,11 @@ class Scenery:
     @property
     def still_(self) -> Ints:
         """Class numbers of the kinds that stand still, ``(k,)`` int64, ascending; none that was never met."""
-        return np.flatnonzero((self._objects > 0) & (self._moved < LEAST_MOVING_SHARE * self._objects))
+        return np.flatnonzero(self.is_still(np.arange(len(self._objects))))
+
+    def is_still(self, classes: Ints) -> NDArray[np.bool_]:
+        """Say of each of ``(n,)`` classes whether it is of a kind that stands still."""
+        return _are_still(classes, self._objects, self._moved)
 
     def partial_fit(self, classes: Ints, centres_px: NDArray[Any]) -> Self:
         """Learn from one frame; frames are expected in their order.
@@ -74,3 +79,13 @@ class Scenery:
 
 def _grown(counts: Ints, size: int) -> Ints:
     return np.pad(counts, (0, size - len(counts)))
+
+
+@compiled
+def _are_still(classes: Ints, objects: Ints, moved: Ints) -> NDArray[np.bool_]:
+    still = np.zeros(len(classes), np.bool_)
+    for i in range(len(classes)):
+        kind = classes[i]
+        if 0 <= kind < len(objects):
+            still[i] = moved[kind] < LEAST_MOVING_SHARE * objects[kind]  # false where none was met
+    return still

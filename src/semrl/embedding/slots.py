@@ -65,7 +65,7 @@ class SlotsEmbedding:
         Raises
         ------
         DataError
-            If a centre is not finite or beyond all pictures.
+            If a centre is not finite or too far away.
         """
         keys = object_keys(graph)
         order = np.lexsort(keys.T[::-1])[: self.dimension // SLOT]

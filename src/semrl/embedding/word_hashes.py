@@ -1,16 +1,23 @@
 """Scenes as integers: each word's hash of 64 bits stands for the word, so that no text is written on the way."""
 
 import hashlib
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semrl.embedding.neighbourhoods import hash_texts, neighbourhood_labels
-from semrl.embedding.words import WordsConfig, position_words
+from semrl.embedding.blake2 import blake2b
+from semrl.embedding.neighbourhoods import LABEL_BYTES, hash_texts, neighbourhood_labels, write_number
+from semrl.embedding.words import PIECES, POSITION_WORDS, WordsConfig
+from semrl.kernels import compiled
 from semrl.memo import Memo
 from semrl.types import Ints, SceneGraph
 
 Hashes = NDArray[np.uint64]
+
+_NAMES = np.array([list(name.encode().ljust(LABEL_BYTES, b"\0")) for name in PIECES], np.uint8)  # (5, 32)
+_NAME_LENGTHS = np.array([len(name) for name in PIECES])
+_NO_PIECE = -1
 
 
 def word_hash(word: str, seed: int = 0) -> int:
@@ -59,8 +66,50 @@ class WordHasher:
         return hash_texts(labels, np.uint64(self.seed))
 
     def _hash_places(self, keys: Ints) -> Hashes:
-        width = self.config.words_per_object - self.config.wl_iterations
-        hashes = np.empty((len(keys), width), np.uint64)
-        for row, (number, x, y) in zip(hashes, keys.tolist(), strict=True):
-            row[:] = [word_hash(word, self.seed) for word in position_words(number, x, y, self.config)]
-        return hashes
+        near = keys[:, 1:] // self.config.coarse_px
+        numbers = np.concatenate([keys, near], axis=1)  # (k, 5) one for each piece
+        return hash_pieces(numbers, _words_as_array(self.config.form), np.uint64(self.seed))
+
+
+@cache
+def _words_as_array(form: str) -> Ints:
+    """Return the pieces of each position word, ``(w, 4)``, filled up with −1."""
+    words = POSITION_WORDS[form]
+    longest = max(len(word) for word in words)
+    return np.array([[*word, *[_NO_PIECE] * (longest - len(word))] for word in words])
+
+
+@compiled
+def hash_pieces(numbers: Ints, words: Ints, salt: np.uint64) -> Hashes:
+    """Put words together from pieces, a name and a number each, and hash them.
+
+    Parameters
+    ----------
+    numbers
+        ``(k, 5)``, of each of `PIECES`, for ``k`` objects.
+    words
+        ``(w, p)``, the pieces of each word, −1 for none.
+    salt
+        Selects the hash function.
+
+    Returns
+    -------
+    ``(k, w)`` uint64.
+    """
+    hashes = np.empty((len(numbers), len(words)), np.uint64)
+    pieces = np.zeros((len(_NAMES), 2 * LABEL_BYTES), np.uint8)
+    pieces[:, :LABEL_BYTES] = _NAMES
+    lengths = np.empty(len(_NAMES), np.int64)
+    word = np.empty(pieces.shape[1] * words.shape[1], np.uint8)
+    for i in range(len(numbers)):
+        for piece in range(len(_NAMES)):
+            start = _NAME_LENGTHS[piece]
+            lengths[piece] = start + write_number(numbers[i, piece], pieces[piece, start:])
+        for j in range(len(words)):
+            end = 0
+            for piece in words[j]:
+                if piece != _NO_PIECE:
+                    word[end : end + lengths[piece]] = pieces[piece, : lengths[piece]]
+                    end += lengths[piece]
+            hashes[i, j] = blake2b(word[:end], 8, salt)[0]
+    return hashes

@@ -15,6 +15,19 @@ from semrl.embedding.neighbourhoods import neighbourhood_labels
 from semrl.errors import UsageError
 from semrl.types import SceneGraph
 
+PIECES = ("", "pos_x", "pos_y", "apr_pos_x", "apr_pos_y")
+"""What position words are put together from: class number, row, column and the cells of both, each after its name."""
+
+_KIND, _X, _Y, _NEAR_X, _NEAR_Y = range(len(PIECES))
+_PLAIN = ((_KIND,), (_X,), (_Y,), (_NEAR_X,), (_NEAR_Y,))
+_BOUND = ((_KIND, _X), (_KIND, _Y), (_KIND, _NEAR_X), (_KIND, _NEAR_Y))
+# The class stands once more before the exact column than before the approximate one: so it is printed.
+_BOTH = ((_KIND, _NEAR_X, _NEAR_Y), (_KIND, _X, _KIND, _Y), (_NEAR_X, _NEAR_Y), (_X, _KIND, _Y))
+
+POSITION_WORDS = {"pv-dbow": _PLAIN + _BOUND + _BOTH, "pv-dm": _PLAIN}
+"""The words of each form, as places in `PIECES`. The text leaves out the column among the words of PV-DM; we take that
+for a slip of the pen, since the approximate column is there and the printed example has both."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class WordsConfig:
@@ -40,7 +53,7 @@ class WordsConfig:
     @property
     def words_per_object(self) -> int:
         """Number of words that every object has."""
-        return (13 if self.form == "pv-dbow" else 5) + self.wl_iterations
+        return len(POSITION_WORDS[self.form]) + self.wl_iterations
 
 
 def document(graph: SceneGraph, config: WordsConfig) -> list[str]:
@@ -83,24 +96,17 @@ def position_words(number: int, row: int, column: int, config: WordsConfig) -> t
     row, column
         Centre of the object, in whole pixels.
     config
-        Which words to write. The text leaves out the column among the words of PV-DM; we take that for
-        a slip of the pen, since the approximate column is there and the printed example has both.
+        Which words to write.
 
     Returns
     -------
     tuple of str
         5 words for PV-DM; 13 for PV-DBOW, in the order of the thesis's example.
     """
-    kind = str(number)
-    x, y = f"pos_x{row}", f"pos_y{column}"
-    near_x, near_y = f"apr_pos_x{row // config.coarse_px}", f"apr_pos_y{column // config.coarse_px}"
-    plain = (kind, x, y, near_x, near_y)
-    if config.form == "pv-dm":
-        return plain
-    bound = (kind + x, kind + y, kind + near_x, kind + near_y)
-    # The class stands once more before the exact column than before the approximate one: so it is printed.
-    both = (kind + near_x + near_y, kind + x + kind + y, near_x + near_y, x + kind + y)
-    return plain + bound + both
+    near = config.coarse_px
+    numbers = (number, row, column, row // near, column // near)
+    pieces = [f"{name}{value}" for name, value in zip(PIECES, numbers, strict=True)]
+    return tuple("".join([pieces[piece] for piece in word]) for word in POSITION_WORDS[config.form])
 
 
 def wl_hashes(graph: SceneGraph, iterations: int) -> list[tuple[str, ...]]:

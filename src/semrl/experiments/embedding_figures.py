@@ -10,6 +10,9 @@ from semrl.embedding.retrieval import Retrieval
 from semrl.experiments.figures import Bars, Curve, Curves, Figure, Scatter
 from semrl.types import Ints
 
+SELF_FIGURES = {"pv-dm": "4.7", "pv-dbow": "4.8"}
+"""Embeddings that the thesis draws searching their training set."""
+
 SCATTER_POINTS = 1500
 """Points drawn in Fig. 4.11."""
 
@@ -67,7 +70,7 @@ def draw(tests: Mapping[str, EmbeddingTest]) -> tuple[Figure, ...]:
     """Draw Figs. 4.7 – 4.11 for all candidates."""
     validated = {name: test.validation for name, test in tests.items() if test.validation}
     return (
-        *(_itself(number, name, tests[name]) for number, name in (("4.7", "pv-dm"), ("4.8", "pv-dbow")) if name in tests),
+        *(_itself(number, name, tests[name]) for name, number in SELF_FIGURES.items() if name in tests),
         Figure(
             number="4.9",
             title="A new run searches the training set",

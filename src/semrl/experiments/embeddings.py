@@ -168,7 +168,7 @@ def _test(embedder: Embedder, scenes: _Scenes, settings: Settings, *, self_only:
     embedder.fit(scenes.documents)
     stored = learned_vectors(embedder, scenes.documents)
     sought = np.arange(0, len(scenes.documents), settings.self_every)
-    queries = [scenes.documents[i] for i in sought]
+    queries = scenes.documents[:: settings.self_every]
     return EmbeddingTest(
         itself=retrieve(embed(embedder, queries), queries, stored, scenes.documents),
         sought=sought,

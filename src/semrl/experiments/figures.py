@@ -22,13 +22,12 @@ class Curve:
 
 @dataclass(frozen=True, kw_only=True)
 class Curves:
-    """Lines over a common axis; `goal` is a level to be reached, `dots` are single values around the lines."""
+    """Lines over a common axis; `goal` is a level to be reached."""
 
     xlabel: str
     ylabel: str
     curves: tuple[Curve, ...]
     goal: float | None = None
-    dots: tuple[Curve, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

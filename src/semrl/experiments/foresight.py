@@ -56,7 +56,7 @@ def next_state_scores(reasoner: Reasoner, run: Trajectory) -> dict[str, float | 
 def reward_scores(reasoner: Reasoner, run: Trajectory) -> tuple[dict[str, float | None], dict[str, Matrix]]:
     """Return balanced accuracy in percent of the reward model on a run, as `next_state_scores`, and confusion matrices.
 
-    The matrices are those of ``trained``, ``updated`` and ``scratch``, ``(3, 3)``: a row for each true sign of −1, 0, 1,
+    The matrices are those of ``trained``, ``updated`` and ``scratch``, ``(3, 3)``: a row for each sign of −1, 0, 1,
     shares that sum to 1; zeros for a sign that the run does not have.
     """
     config, told = reasoner.config.reward, reasoner.told(run).transitions

@@ -17,10 +17,7 @@ from semrl.errors import SemrlError
 from semrl.experiments.sweep import RunSpec
 from semrl.runs import RunFolder
 from semrl.runs.files import write_text
-from semrl.runs.metrics import read_metrics
-
-LAST_EPISODES = 10
-"""Training episodes that Table 4.1 sums up."""
+from semrl.runs.metrics import RUNNING_MEAN_EPISODES, read_metrics
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +82,7 @@ class Ledger:
     def last_returns(self, spec: RunSpec) -> NDArray[np.float64]:
         """Return the returns of the last episodes, ``(≤ 10,)``."""
         episodes = self.episodes(spec)
-        return episodes[-LAST_EPISODES:, 1]
+        return episodes[-RUNNING_MEAN_EPISODES:, 1]
 
     def episodes(self, spec: RunSpec) -> NDArray[np.float64]:
         """Return decisions and returns of all training episodes, ``(n, 2)``."""
@@ -122,10 +119,13 @@ def read_scores(path: Path) -> list[Score]:
     if not path.exists():
         return []
     try:
-        rows = list(csv.DictReader(path.read_text().splitlines()))
-        if any(tuple(row) != COLUMNS for row in rows):
+        text = path.read_text()
+        table = csv.DictReader(text.splitlines())
+        if tuple(table.fieldnames or ()) != COLUMNS:
             raise ValueError(f"it does not have the columns {', '.join(COLUMNS)}")
-        return [_score(row) for row in rows]
+        if not text.endswith("\n"):
+            raise ValueError("its last line is not whole")
+        return [_score(row) for row in table]
     except (OSError, ValueError, TypeError, csv.Error) as error:
         raise SemrlError(f"{path} is damaged: {error}") from None
 
@@ -144,7 +144,7 @@ def score_of(spec: RunSpec, run: Path, planner: float | None) -> tuple[Score, ND
     manifest = RunFolder.open(run).manifest()
     rows = [row for row in read_metrics(run / "metrics.csv") if row["phase"] == "agent"]
     episodes = np.array([(float(row["decisions"]), float(row["return"])) for row in rows]).reshape(-1, 2)
-    last = episodes[-LAST_EPISODES:, 1]
+    last = episodes[-RUNNING_MEAN_EPISODES:, 1]
     score = Score(
         id=spec.id,
         preset=spec.preset,

@@ -56,7 +56,7 @@ def measure(settings: Settings, lab: Lab) -> Result:
             Figure(
                 number="3.6",
                 title="The frame as a graph",
-                says="Objects are nodes, coloured by class, and near ones are joined; preset semrl leaves scenery out.",
+                says="Objects are nodes, coloured by class, and near ones are joined; preset semrl joins no scenery.",
                 panels=graphs,
             ),
             *_networks(config),
@@ -82,8 +82,8 @@ def _steps(detector: OtsuDetector, observation: Observation) -> tuple[Figure, ..
     foreground = ((grey > detector.threshold_) * 255).astype(np.uint8)
     steps = (
         ("3.1", "A frame of Pong", "What the environment shows: 210 × 160 pixels in colour.", observation.frame),
-        ("3.2", "Otsu's threshold", "Scaled to 84 × 84 pixels, grey, and all that is brighter than a tenth below Otsu's "
-         "threshold.", foreground),
+        ("3.2", "Otsu's threshold", "Scaled to 84 × 84 pixels, grey: what is brighter than Otsu's threshold, lowered "
+         "by a tenth.", foreground),
         ("3.3", "Connected components", f"Pixels that touch are one object: {components.max()} of them, a colour each.",
          _coloured(components)),
         ("3.4", "Cut", f"Large components cut into equal parts of at most 8 × 8 pixels: {len(objects)} objects.",

@@ -23,7 +23,7 @@ from semrl.types import Trajectory
 STATES = {"semantic-map": "semantic", "ram-map": "ram"}
 """Model → its states, as the ids of numbers call them."""
 
-THESIS = {
+THESIS: dict[str, dict[str, dict[str, float]]] = {
     "semantic": {
         "new-run": {"decisions": 3875, "gains": 21, "losses": 14},
         "next-state": {
@@ -50,7 +50,7 @@ THESIS = {
 """What §4.2 says: states → test → number."""
 
 UNITS = {"next-state": "% R²", "reward": "% balanced accuracy", "positive": "% of edges", "negative": "% of edges",
-         "two-components": "% of variance"}  # fmt: skip
+         "two-components": "% of variance", "diameter": "steps", "radius": "steps"}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,7 +113,7 @@ def new_run(player: Player, reasoner: Reasoner, most: int | None) -> Trajectory:
 def _test(reasoner: Reasoner, run: Trajectory) -> _Tested:
     rewards, matrices = reward_scores(reasoner, run)
     described, drawn = _map(reasoner, run)
-    tests = {
+    tests: dict[str, Mapping[str, float | None]] = {
         "new-run": {
             "decisions": len(run),
             "gains": int((run.rewards > 0).sum()),

@@ -13,7 +13,7 @@ from types import FrameType
 from typing import IO
 
 from semrl.errors import SemrlError, UsageError
-from semrl.experiments.ledger import Ledger, Score, enter, score_of
+from semrl.experiments.ledger import Ledger, enter, score_of
 from semrl.experiments.sweep import RunSpec
 from semrl.runs import RunFolder
 from semrl.runs.config import to_dict, write_toml
@@ -73,7 +73,7 @@ class Queue:
             return
         (self.folder / "runs").mkdir(parents=True, exist_ok=True)
         for spec in waiting:
-            _check_begun(self.folder / "runs" / spec.id, spec)
+            _check_begun(self._run(spec), spec)
         with (
             locked(self.folder / "lock", f"{self.folder} is being worked on by another process"),
             handling(self._stop, signal.SIGINT, signal.SIGTERM),
@@ -86,6 +86,9 @@ class Queue:
         while (waiting or self._jobs) and not self._stops:
             while waiting and len(self._jobs) < self.workers:
                 spec = waiting.pop(0)
+                if _is_done(self._run(spec), spec):  # only its entry in the ledger is missing
+                    self._enter(spec)
+                    continue
                 self.say(f"run {total - len(waiting)} of {total}: {spec.id}, {spec.frames:,} frames")
                 self._jobs.append(self._start(spec))
             time.sleep(POLL_SECONDS)
@@ -95,8 +98,11 @@ class Queue:
         if self._stops:
             raise SemrlError("stopped; the same command goes on where it was")
 
+    def _run(self, spec: RunSpec) -> Path:
+        return self.folder / "runs" / spec.id
+
     def _start(self, spec: RunSpec) -> _Job:
-        run = self.folder / "runs" / spec.id
+        run = self._run(spec)
         config = run.with_name(f"{spec.id}.toml")
         write_text(config, write_toml(spec.config()))
         said = run.with_name(f"{spec.id}.log").open("wb")
@@ -111,15 +117,20 @@ class Queue:
         job.said.close()
         assert job.process.stdin is not None
         job.process.stdin.close()
-        run = self.folder / "runs" / job.spec.id
-        if job.process.returncode or RunFolder.open(run).manifest()["status"] != "finished":
-            lines = run.with_name(f"{job.spec.id}.log").read_text(errors="replace").strip().splitlines()
-            self.failed[job.spec.id] = lines[-1] if lines else f"exit status {job.process.returncode}"
-            self.say(f"{job.spec.id} failed: {self.failed[job.spec.id]}")
+        if job.process.returncode == 0:
+            self._enter(job.spec)
             return
-        score, episodes = score_of(job.spec, run, _planner_mean(run))
+        lines = Path(job.said.name).read_text(errors="replace").strip().splitlines()
+        self.failed[job.spec.id] = lines[-1] if lines else f"exit status {job.process.returncode}"
+        self.say(f"{job.spec.id} failed: {self.failed[job.spec.id]}")
+
+    def _enter(self, spec: RunSpec) -> None:
+        """Enter a finished run into the ledger."""
+        run = self._run(spec)
+        score, episodes = score_of(spec, run, _planner_mean(run))
         enter(self.folder, score, episodes)
-        self.say(_told(score))
+        mean = "no episode finished" if score.mean is None else f"{score.mean:.1f} over the last episodes"
+        self.say(f"{score.id} finished after {score.seconds / 60:.1f} minutes: {mean}")
 
     @contextlib.contextmanager
     def _ending_all(self) -> Iterator[None]:
@@ -153,11 +164,12 @@ def _check_begun(run: Path, spec: RunSpec) -> None:
         raise UsageError(f"{run} was begun with other settings than {spec.id} has now; delete it to begin again")
 
 
+def _is_done(run: Path, spec: RunSpec) -> bool:
+    """Whether a run is trained and, where it has a map, the planner has played."""
+    trained = run.exists() and RunFolder.open(run).manifest()["status"] == "finished"
+    return trained and (not spec.has_map or _planner_mean(run) is not None)
+
+
 def _planner_mean(run: Path) -> float | None:
     path = run / "evaluation-planner.json"
     return float(json.loads(path.read_text())["mean"]) if path.exists() else None
-
-
-def _told(score: Score) -> str:
-    mean = "no episode finished" if score.mean is None else f"{score.mean:.1f} over the last episodes"
-    return f"{score.id} finished after {score.seconds / 60:.1f} minutes: {mean}"

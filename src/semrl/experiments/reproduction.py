@@ -23,7 +23,10 @@ from semrl.experiments.sweep import RunSpec, cheapest_first
 from semrl.runs.session import limited_threads
 
 SHIPPED = Path(semrl.__file__).parents[2] / "docs" / "results"
-"""Results at full scale that lie in the repository: what stands there need not be measured again."""
+"""Results that lie in the repository: what stands there need not be measured again."""
+
+SHIPPED_SCALE: Scale = "full"
+"""Their scale."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +100,7 @@ def reproduce(
     chosen = _chosen(names)
     specs = _wanted(chosen, scale, order)
     _prepare(out)
-    folders = [out, SHIPPED] if scale == "full" else [out]
+    folders = [out, SHIPPED] if scale == SHIPPED_SCALE else [out]
     ledger = read_ledger(folders)
     with limited_threads(1):
         for experiment in chosen:

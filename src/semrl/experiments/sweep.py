@@ -7,6 +7,7 @@ from typing import Any
 from semrl.pipeline import MODELS
 from semrl.reasoning import MAP_MODELS
 from semrl.runs import RunConfig, preset
+from semrl.runs.config import merge
 
 CHEAPEST = ("ram", "semantic", "ram-map", "semantic-map", "otsu", "baseline", "birch")
 """Models, those whose decisions take least time first."""
@@ -60,30 +61,35 @@ class Sweep:
         Budget of each run in emulator frames, four to a decision.
     seeds
         Preset → seeds of pixel models and seeds of the others.
+    models
+        Of Table 4.1.
     overrides
-        Nested settings, for every run; what stands under ``models`` is for one model only.
+        Nested settings, for every run; those under ``models.NAME`` for one model.
     planner_episodes
         See `RunSpec`.
     """
 
     frames: int
     seeds: Mapping[str, tuple[tuple[int, ...], tuple[int, ...]]]
+    models: tuple[str, ...] = tuple(MODELS)
     overrides: Mapping[str, Any] = field(default_factory=dict)
     planner_episodes: int = 5
 
-    def runs(self, *, models: Sequence[str] = tuple(MODELS)) -> tuple[RunSpec, ...]:
-        """Return all runs, those of Table 4.1's first model first."""
+    def runs(self) -> tuple[RunSpec, ...]:
+        """Return all runs, preset by preset, model by model."""
+        general = {key: value for key, value in self.overrides.items() if key != "models"}
+        special = self.overrides.get("models", {})
         return tuple(
             RunSpec(
                 preset=name,
                 model=model,
                 seed=seed,
                 frames=self.frames,
-                overrides=self.overrides,
+                overrides=merge(general, special.get(model, {})),
                 planner_episodes=self.planner_episodes,
             )
             for name, (pixels, others) in self.seeds.items()
-            for model in models
+            for model in self.models
             for seed in (pixels if MODELS[model] in ("grey", "components", "classes") else others)
         )
 

@@ -31,7 +31,8 @@ def main(argv: Sequence[str]) -> int:
 
 def _end_with_parent() -> None:
     """Stop as by SIGTERM when standard input ends: it is a pipe from the parent, which closes however that one ends."""
-    sys.stdin.buffer.read()
+    while os.read(0, 1024):  # unbuffered: a lock that is held at exit would be fatal
+        pass
     os.kill(os.getpid(), signal.SIGTERM)
 
 

@@ -9,6 +9,7 @@ from sklearn.decomposition import IncrementalPCA
 
 from semrl.arrays import Arrays
 from semrl.errors import DataError, UsageError
+from semrl.kernels import compiled
 from semrl.types import Floats
 
 _LEARNED = (
@@ -88,7 +89,8 @@ class ObjectPCA:
         """
         self._check_fitted()
         self._check_rows(X)
-        return np.asarray((X - self._pca.mean_) @ self._pca.components_.T, dtype=np.float32)
+        rows = np.ascontiguousarray(X, dtype=np.float64)
+        return project(rows, self._pca.mean_, self._pca.components_)
 
     def inverse_transform(self, Z: NDArray[Any]) -> Floats:
         """Map ``(n, k)`` back to objects, ``(n, d)``, for looking at them."""
@@ -126,3 +128,23 @@ class ObjectPCA:
     def _check_fitted(self) -> None:
         if not self.is_fitted:
             raise DataError(f"PCA has not seen {self.config.components} objects yet: call partial_fit first")
+
+
+@compiled
+def project(X: NDArray[np.float64], mean: NDArray[np.float64], components: NDArray[np.float64]) -> Floats:
+    """Return ``(X - mean) @ components.T`` with each sum in its order.
+
+    A library's product of matrices sums in another order for other numbers of rows and threads; an object's numbers
+    must not depend on what else is in the frame.
+    """
+    columns = components.T.copy()  # (d, k)
+    projected = np.empty((len(X), len(components)), np.float32)
+    totals = np.empty(len(components))
+    for i in range(len(X)):
+        totals[:] = 0
+        for j in range(len(columns)):
+            deviation = X[i, j] - mean[j]
+            for k in range(len(totals)):
+                totals[k] += deviation * columns[j, k]
+        projected[i] = totals
+    return projected

@@ -18,8 +18,6 @@ from semrl.runs.metrics import read_metrics
 MAX_VIDEO_BYTES = 8_000_000
 """Longer videos stay beside the page instead of in it."""
 
-RUNNING_MEAN_EPISODES = 10
-
 
 @dataclass(frozen=True, kw_only=True)
 class Series:
@@ -100,15 +98,6 @@ class RunRecord:
         values = np.array([(float(row[along]), float(row[name])) for row in rows]).reshape(-1, 2)  # (n, 2)
         values = values[np.isfinite(values).all(axis=1)]
         return Series(x=values[:, 0], y=values[:, 1])
-
-
-def running_mean(values: NDArray[np.float64], n: int = RUNNING_MEAN_EPISODES) -> NDArray[np.float64]:
-    """Return the mean of each value and up to ``n − 1`` before it, ``(len(values),)``."""
-    sums = np.concatenate([[0.0], np.cumsum(values)])
-    ends = np.arange(1, len(values) + 1)
-    starts = np.maximum(ends - n, 0)
-    means: NDArray[np.float64] = (sums[ends] - sums[starts]) / (ends - starts)
-    return means
 
 
 def read_run(path: Path) -> RunRecord:

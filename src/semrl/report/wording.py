@@ -4,7 +4,8 @@ import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from semrl.report.record import RUNNING_MEAN_EPISODES, RunRecord
+from semrl.report.record import RunRecord
+from semrl.runs.metrics import RUNNING_MEAN_EPISODES
 
 SEES = {
     "grey": "The agent is shown the grey image as it is; nothing is detected.",

@@ -8,6 +8,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from semrl.errors import SemrlError
 from semrl.runs.files import write_text
 
@@ -17,6 +20,10 @@ COLUMNS = (
     "map_nodes", "map_edges", "seconds_map", "seconds_next_state", "seconds_reward", "seconds_routes", "seconds",
 )  # fmt: skip
 """What a row may hold; cells that say nothing stay empty. Seconds are wall-clock, everything else repeats."""
+
+
+RUNNING_MEAN_EPISODES = 10
+"""Episodes that a learning curve is smoothed over, and that Table 4.1 sums up."""
 
 
 class MetricsFile:
@@ -105,3 +112,12 @@ def read_metrics(path: Path) -> list[dict[str, str]]:
     if any(tuple(row) != COLUMNS or None in row.values() for row in rows):
         raise SemrlError(f"{path} is damaged: it does not have the columns {', '.join(COLUMNS)}")
     return rows
+
+
+def running_mean(values: NDArray[np.float64], n: int = RUNNING_MEAN_EPISODES) -> NDArray[np.float64]:
+    """Return the mean of each value and up to ``n − 1`` before it, ``(len(values),)``."""
+    sums = np.concatenate([[0.0], np.cumsum(values)])
+    ends = np.arange(1, len(values) + 1)
+    starts = np.maximum(ends - n, 0)
+    means: NDArray[np.float64] = (sums[ends] - sums[starts]) / (ends - starts)
+    return means

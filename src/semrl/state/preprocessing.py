@@ -5,13 +5,11 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from semrl.errors import DataError
+from semrl.kernels import compiled
 from semrl.types import IMAGE_SIZE_PX, Floats, Frame, Image, Ints
-
-compiled = njit(cache=True, nogil=True)
 
 _LEAST_OVERLAP_PX = 1e-3
 """What overlaps by less is rounding."""
@@ -97,7 +95,7 @@ def _differ(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> bool:
     different = np.uint8(0)
     for i in range(len(a)):
         different = np.uint8(different | np.uint8(a[i] ^ b[i]))  # bytes all along: 32 at a time
-    return different != 0
+    return bool(different)
 
 
 @compiled

@@ -1,0 +1,69 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from semrl.errors import SemrlError
+from semrl.experiments.ledger import Score, enter, read_ledger, read_scores, summed_up
+from semrl.experiments.sweep import RunSpec
+
+SPEC = RunSpec(preset="thesis", model="ram", seed=0, frames=4000)
+SCORE = Score(
+    id=SPEC.id, preset="thesis", model="ram", seed=0, frames=4000, episodes=2, mean=-20.5, max=-20.0, min=-21.0,
+    std=0.7, planner=None, seconds=1.5, versions="python=3.11, x=1", machine="Linux", weights="abc",
+)  # fmt: skip
+EPISODES = np.array([[900.0, -21.0], [1000.0, -20.0]])
+
+
+def test_the_deviation_is_that_of_a_sample_as_in_the_thesis():
+    """Table 4.1: eight wins by 21 and two by 20 are 20.8 ± 0.42; the deviation of a population would be 0.40."""
+    row = summed_up(np.array([21.0] * 8 + [20.0] * 2))
+    assert {name: round(value, 2) for name, value in row.items()} == {"mean": 20.8, "max": 21, "min": 20, "std": 0.42}
+    assert set(summed_up(np.zeros(0)).values()) == {None}
+
+
+def test_what_is_entered_is_read_again(tmp_path):
+    enter(tmp_path, SCORE, EPISODES)
+    enter(tmp_path, SCORE, EPISODES)  # again: it stands there once
+    ledger = read_ledger([tmp_path])
+    assert read_scores(tmp_path / "runs.csv") == [SCORE]
+    assert ledger.score(SPEC) == SCORE
+    np.testing.assert_array_equal(ledger.episodes(SPEC), EPISODES)
+    np.testing.assert_array_equal(ledger.last_returns(SPEC), EPISODES[:, 1])
+
+
+def test_another_budget_is_another_run(tmp_path):
+    enter(tmp_path, SCORE, EPISODES)
+    assert read_ledger([tmp_path]).score(RunSpec(preset="thesis", model="ram", seed=0, frames=8000)) is None
+
+
+def test_the_first_folder_counts(tmp_path):
+    for name, weights in (("ours", "new"), ("shipped", "old")):
+        (tmp_path / name).mkdir()
+        enter(tmp_path / name, replace(SCORE, weights=weights), EPISODES)
+    found = read_ledger([tmp_path / "ours", tmp_path / "shipped", tmp_path / "nowhere"]).score(SPEC)
+    assert found is not None
+    assert found.weights == "new"
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda text: text[: len(text) // 2],
+        lambda text: text.replace("4000", "four"),
+        lambda text: text.replace("seed,", ""),
+    ],
+)
+def test_a_damaged_ledger_is_told(tmp_path, damage):
+    enter(tmp_path, SCORE, EPISODES)
+    path = tmp_path / "runs.csv"
+    path.write_text(damage(path.read_text()))
+    with pytest.raises(SemrlError, match=r"runs\.csv is damaged"):
+        read_ledger([tmp_path])
+
+
+def test_damaged_returns_are_told(tmp_path):
+    enter(tmp_path, SCORE, EPISODES)
+    (tmp_path / "returns" / f"{SPEC.id}.csv").write_text("decisions,return\n900,-21\n10")
+    with pytest.raises(SemrlError, match=r"thesis-ram-0\.csv is damaged"):
+        read_ledger([tmp_path])

@@ -1,0 +1,152 @@
+import json
+
+import numpy as np
+import pytest
+from scipy.stats import trim_mean
+
+from semrl.experiments import reproduction
+from semrl.experiments.base import Lab
+from semrl.experiments.ledger import Ledger
+from semrl.experiments.reproduction import discover
+from semrl.experiments.results import rows_of
+from semrl.experiments.scores import SWEEPS, interquartile_mean
+from semrl.runs import evaluate, train
+
+THESIS = {
+    "pca/explained-variance": 99, "birch/batches": 577, "birch/leaves": 14, "birch/classes": 10,
+    "clusters/silhouette": 0.887, "clusters/davies-bouldin": 0.528, "clusters/dunn": 0.114,
+    "embedding/vocabulary": 9277,
+    "embedding/pv-dm/exact": 0.138, "embedding/pv-dm/within-5": 0.218,
+    "embedding/pv-dbow/exact": 0.965, "embedding/pv-dbow/within-5": 0.999,
+    "embedding/pv-dbow/validation/within-5": 0.665, "embedding/pv-dbow/validation/within-100": 0.840,
+    "embedding/pv-dbow/validation/within-200": 0.969,
+    "embedding/direct-search/within-5": 0.843, "embedding/direct-search/within-100": 0.999,
+    "embedding/direct-search/within-200": 1.0,
+    "embedding/pv-dbow/ratio/within-5": 0.789, "embedding/pv-dbow/ratio/within-100": 0.841,
+    "embedding/pv-dbow/ratio/within-200": 0.969,
+    "embedding/pv-dbow/pearson": -0.463,
+    "next-state/semantic/trained": 31.5, "next-state/ram/trained": 97.3,
+    "reward/semantic/trained": 34.6, "reward/ram/trained": 33.3,
+    "map/semantic/nodes": 2184, "map/semantic/edges": 6969, "map/semantic/diameter": 20, "map/semantic/radius": 9,
+    "map/ram/nodes": 185, "map/ram/edges": 1966, "map/ram/diameter": 17, "map/ram/radius": 8,
+    "planner-alone/ram-map/mean": -21, "planner-alone/semantic-map/mean": -21,
+    **{
+        f"table4.1/{model}/{name}": value
+        for model, values in {
+            "baseline": (20.8, 21, 20, 0.42), "otsu": (20.1, 21, 18, 1.19), "birch": (20.4, 21, 18, 0.96),
+            "semantic": (13.6, 20, -10, 9.60), "semantic-map": (14.1, 21, 3, 6.26),
+            "ram": (-6.4, 4, -12, 4.55), "ram-map": (-0.6, 8, -6, 4.76),
+        }.items()
+        for name, value in zip(("mean", "max", "min", "std"), values, strict=True)
+    },
+}  # fmt: skip
+"""Numbers of chapter 4 that must have a row, under ids that others build on."""
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory):
+    """A folder whose tiny runs are trained already."""
+    folder = tmp_path_factory.mktemp("reproduced")
+    for spec in SWEEPS["tiny"].runs():
+        train(folder / "runs" / spec.id, spec.config())
+        evaluate(folder / "runs" / spec.id, episodes=1, policy="planner")
+    return folder
+
+
+def test_every_number_of_the_thesis_has_a_row():
+    rows = {row.id: row for e in discover().values() for row in rows_of(e.numbers, {})}
+    assert {id_: rows[id_].thesis for id_ in THESIS} == THESIS
+    assert all(row.better in ("higher", "lower", "near") and row.ours is None for row in rows.values())
+
+
+def test_everything_is_measured_once_and_told(out, call):
+    told = call("reproduce", "--scale", "tiny", "--out", out, "--json")
+    assert told.status == 0, told.err
+    rows = {row["id"]: row for row in json.loads(told.out.splitlines()[-1])["results"]}
+    assert THESIS.keys() <= rows.keys()
+    assert all(list(row) == ["id", "thesis", "ours", "unit", "better"] for row in rows.values())
+    measured = {id_ for id_, row in rows.items() if row["ours"] is not None}
+    assert {id_ for id_ in THESIS if id_.startswith(("pca", "birch", "clusters", "embedding"))} <= measured
+    assert {f"{id_}@semrl" for id_ in THESIS if id_.startswith(("next-state", "reward", "map", "planner"))} <= measured
+    page = (out / "report.html").read_text()
+    numbers = [f"3.{i}" for i in (1, 2, 3, 4, 6, 8, 9)] + [f"4.{i}" for i in range(1, 21)]
+    assert [n for n in numbers if f"Fig. {n}:" not in page] == []
+    before = {path: path.stat().st_mtime_ns for path in out.glob("*.npz")}
+    again = call("reproduce", "clusters", "--scale", "tiny", "--out", out, "--json")
+    assert len(again.out.splitlines()) == 1
+    assert {row["id"].split("/")[0] for row in json.loads(again.out)["results"]} == {"pca", "birch", "new-run", "clusters"}
+    assert {path: path.stat().st_mtime_ns for path in before} == before
+    assert (out / "report.html").read_text() == page  # what was measured before is on it all the same
+
+
+def test_the_page_can_be_made_where_the_runs_are_gone(out, tmp_path, monkeypatch, call):
+    """What lies in the repository counts as done: ledger, results."""
+    call("reproduce", "--scale", "tiny", "--out", out)
+    monkeypatch.setattr(reproduction, "SHIPPED", out)
+    monkeypatch.setattr(reproduction, "SHIPPED_SCALE", "tiny")
+    monkeypatch.setattr(reproduction, "_result", _unless_kept)
+    told = call("reproduce", "--scale", "tiny", "--out", tmp_path, "--workers", 1)
+    assert told.status == 0
+    assert (tmp_path / "report.html").read_text() == (out / "report.html").read_text()
+    assert not (tmp_path / "runs").exists()
+
+
+def _unless_kept(experiment, lab, folders):
+    assert reproduction._kept(experiment, folders, reproduction._fingerprint(experiment, lab))
+
+
+def test_nothing_trained_is_told_on_the_page(tmp_path, call):
+    assert call("reproduce", "ontology", "scores", "--scale", "tiny", "--out", tmp_path, "--workers", 0).status == 0
+    page = (tmp_path / "report.html").read_text()
+    assert "not finished yet: semrl-ram-map-0, semrl-semantic-map-0" in page
+    assert "semrl-ram-map-0 was not tested" in page
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["clustres"], "unknown experiment 'clustres'; did you mean 'clusters'?"),
+        (["scores", "--only", "semrl-chess*"], "no run matches 'semrl-chess*'; there are semrl-ram-map-0"),
+        (["--scale", "huge"], "invalid choice 'huge'"),
+        (["--workers", "3"], "invalid choice '3'"),
+    ],
+)
+def test_wrong_calls(tmp_path, call, words, said):
+    told = call("reproduce", *words, *(["--scale", "tiny"] if "--scale" not in words else []), "--out", tmp_path / "out")
+    assert told.status == 2
+    assert said in told.message
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_cannot_be(tmp_path, call):
+    (tmp_path / "file").write_text("")
+    told = call("reproduce", "--scale", "tiny", "--out", tmp_path / "file" / "out")
+    assert told.status == 2
+    assert "cannot make the folder" in told.message
+
+
+def test_a_damaged_ledger(tmp_path, call):
+    (tmp_path / "runs.csv").write_text("id,seed\n")
+    told = call("reproduce", "scores", "--scale", "tiny", "--out", tmp_path)
+    assert told.status == 1
+    assert "runs.csv is damaged" in told.message
+
+
+def test_interquartile_mean_and_its_interval():
+    rng = np.random.default_rng(0)
+    runs = [rng.normal(size=10), rng.normal(size=10) + 3]
+    mean, low, high = interquartile_mean(runs)
+    assert mean == pytest.approx(trim_mean(np.concatenate(runs), 0.25))
+    assert low < mean < high
+    assert interquartile_mean(runs) == (mean, low, high)
+    # Drawn within each run: two runs that never vary have no interval, however far they are apart.
+    assert interquartile_mean([np.zeros(8), np.full(8, 4.0)]) == (2, 2, 2)
+    assert interquartile_mean([np.array([21.0])]) == (21, 21, 21)
+
+
+def test_without_runs_there_is_no_number(tmp_path):
+    scores = discover()["scores"]
+    lab = Lab(scale="tiny", folder=tmp_path, ledger=Ledger(scores={}, returns={}))
+    result = scores.measure(scores.settings["tiny"], lab)
+    assert not result.values
+    assert not result.figures
