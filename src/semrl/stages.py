@@ -262,6 +262,9 @@ def _stages(pipeline: Pipeline, view: View, config: StabilityConfig) -> list[Sta
     if view == "embedding" and pipeline.config.scene.omit_scenery:
         stages.append(SceneryStage(pipeline))
     if view == "embedding" and pipeline.embedder.documents_needed:
-        online = isinstance(pipeline.embedder, OnlineEmbedding)
-        stages.append(OnlineStage(pipeline, pipeline.embedder) if online else DocumentsStage(pipeline))
+        embedder = pipeline.embedder
+        if isinstance(embedder, OnlineEmbedding):
+            stages.append(OnlineStage(pipeline, embedder))
+        else:
+            stages.append(DocumentsStage(pipeline))
     return stages

@@ -49,7 +49,7 @@ class OnlineEmbeddingConfig:
     halving_documents: int = 2_000
     """Documents after which the learning rate is half of that, then a third, a quarter and so on; 0: it stays."""
 
-    anchor: float = 1.0
+    anchor: float = 10.0
     """How strongly words are pulled back to where they began, as a multiple of the learning rate."""
 
     negative: int = 5
