@@ -103,8 +103,7 @@ def candidate_config(overrides: Mapping[str, Any], pipeline: Mapping[str, Any]) 
 
 
 def _measure(embedder: Embedder, judge: Judge, stream: Watched, settings: Settings) -> dict[str, float | None]:
-    needed = embedder.documents_needed
-    embedder.fit(judge.documents.scenes[: needed or None])
+    embedder.fit(judge.documents.scenes)
     return {
         **judge.judge(embedder),
         "drift": _drift(embedder, stream.scenes, judge, settings.drift),
@@ -144,8 +143,8 @@ TINY = {
     "pipeline": {
         "detection": {"threshold_frames": 5},
         "scene": {"scenery_frames": 5},
-        "doc2vec": {"dimension": 16, "epochs": 2, "documents": 60},
-        "online": {"documents": 60, "buckets": 512},
+        "doc2vec": {"dimension": 16, "epochs": 2},
+        "online": {"buckets": 512},
     },
     "stability": {"batches": 5, "max_batches": 20},
 }

@@ -21,7 +21,7 @@ from semrl.runs import RunConfig, preset
 from semrl.runs.config import merge
 from semrl.types import Floats, SceneGraph
 
-PROBES = 400
+PROBES = 1_000
 """Scenes whose vectors are looked at; every second of them serves to align, the others are measured."""
 
 
