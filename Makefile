@@ -40,7 +40,8 @@ format: install  ## put the code in shape
 	$(BIN)/ruff check --fix src tests benchmarks examples
 
 bench: install  ## time every stage, the training of every model, and maps as they grow
-	$(BIN)/python benchmarks/stages.py
+	$(BIN)/semrl bench --peers
+	$(BIN)/python benchmarks/agents.py
 	$(BIN)/python benchmarks/training.py
 	$(BIN)/python benchmarks/maps.py
 

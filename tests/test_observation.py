@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from semrl import SemanticObservation, make_env
+from semrl import SemanticObservation, SemanticVectorObservation, make_env
 from semrl.errors import UsageError
 from semrl.pipeline import Pipeline, PipelineConfig
 from semrl.runs import load_pipeline, load_player, train
@@ -113,3 +113,27 @@ def test_an_embedding_that_was_not_trained_is_refused(semantic_run):
     with pytest.raises(UsageError, match="learned nothing yet"):
         SemanticObservation(make_env(CATCH), pipeline)
     SemanticObservation(make_env(CATCH), pipeline, "labels").reset(seed=0)
+
+
+def test_several_environments_are_seen_as_each_of_them_alone(semantic_run):
+    pipeline = load_pipeline(semantic_run)
+    several = SemanticVectorObservation(gym.vector.SyncVectorEnv([raw] * 3), pipeline)
+    alone = [SemanticObservation(raw(), pipeline) for _ in range(3)]
+    seen, _ = several.reset(seed=5)
+    expected = [env.reset(seed=5 + i)[0] for i, env in enumerate(alone)]
+    over, rng = np.zeros(3, bool), np.random.default_rng(0)
+    for _ in range(40):  # several episodes: after its end an environment is reset by the next step
+        np.testing.assert_array_equal(seen, expected)
+        assert several.observation_space.contains(seen)
+        actions = rng.integers(2, size=3)
+        seen, _, terminated, truncated, _ = several.step(actions)
+        pairs = zip(alone, actions, over, strict=True)
+        expected = [env.reset()[0] if done else env.step(action)[0] for env, action, done in pairs]
+        over = terminated | truncated
+
+
+def test_several_environments_need_frames_and_a_trained_perception(baseline_run, semantic_run):
+    with pytest.raises(UsageError):
+        SemanticVectorObservation(gym.vector.SyncVectorEnv([raw]), baseline_run)
+    with pytest.raises(UsageError):
+        SemanticVectorObservation(gym.make_vec("CartPole-v1", num_envs=2), semantic_run)

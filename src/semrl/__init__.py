@@ -4,7 +4,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from semrl.observation import SemanticObservation
+    from semrl.observation import SemanticObservation, SemanticVectorObservation
     from semrl.pipeline import Pipeline
     from semrl.runs import evaluate, load_pipeline, preset, train
     from semrl.state import make_env
@@ -14,6 +14,7 @@ __version__ = "0.1.0"
 _HOME = {
     "Pipeline": "semrl.pipeline",
     "SemanticObservation": "semrl.observation",
+    "SemanticVectorObservation": "semrl.observation",
     "evaluate": "semrl.runs",
     "load_pipeline": "semrl.runs",
     "make_env": "semrl.state",
@@ -24,6 +25,7 @@ _HOME = {
 __all__ = [
     "Pipeline",
     "SemanticObservation",
+    "SemanticVectorObservation",
     "evaluate",
     "load_pipeline",
     "make_env",

@@ -23,18 +23,24 @@ class Memo:
     Parameters
     ----------
     function
-        Maps ``(k, width)`` int64 to ``(k, ...)``, each row on its own.
+        Maps ``(k, width)`` of `dtype` to ``(k, ...)``, each row on its own.
     width
         Integers in one key.
+    dtype
+        Of the keys, an integer.
     most_entries
         Entries at which it is emptied, `MOST_ENTRIES` if not given; one call with more keys than that makes it larger.
     """
 
     def __init__(
-        self, function: Callable[[NDArray[np.int64]], NDArray[Any]], width: int, most_entries: int | None = None
+        self,
+        function: Callable[[NDArray[Any]], NDArray[Any]],
+        width: int,
+        dtype: type[np.integer[Any]] = np.int64,
+        most_entries: int | None = None,
     ) -> None:
         self.function = function
-        self._keys = np.zeros((most_entries or MOST_ENTRIES, width), np.int64)
+        self._keys = np.zeros((most_entries or MOST_ENTRIES, width), dtype)
         self._values: NDArray[Any] | None = None  # (most_entries, ...), once it is known what they are
         self.clear()
 
@@ -47,7 +53,7 @@ class Memo:
         slots = 1 << (2 * len(self._keys)).bit_length()  # at most half of them are taken
         self._slots = np.full(slots, _FREE, np.int64)
 
-    def look_up(self, keys: NDArray[np.int64]) -> tuple[NDArray[Any], NDArray[np.int64]]:
+    def look_up(self, keys: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.int64]]:
         """Return what the function says about ``(n, width)`` keys.
 
         Returns
@@ -79,7 +85,7 @@ class Memo:
 
 @compiled
 def _place(
-    keys: NDArray[np.int64], known: NDArray[np.int64], slots: NDArray[np.int64], count: int
+    keys: NDArray[Any], known: NDArray[Any], slots: NDArray[np.int64], count: int
 ) -> tuple[NDArray[np.int64], int]:
     """Return the place of each key among those known, where new ones are appended, and how many are known then."""
     places = np.empty(len(keys), np.int64)

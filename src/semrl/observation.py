@@ -1,4 +1,4 @@
-"""Symbols for other people's agents: a Gymnasium wrapper around any environment with RGB frames."""
+"""Symbols for other people's agents: Gymnasium wrappers around any environment with RGB frames."""
 
 from pathlib import Path
 from typing import Any, Literal
@@ -11,7 +11,7 @@ from semrl.errors import UsageError
 from semrl.pipeline import Pipeline
 from semrl.runs import load_pipeline
 from semrl.state import to_grey
-from semrl.types import IMAGE_SIZE_PX
+from semrl.types import IMAGE_SIZE_PX, Observation
 
 
 class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.utils.RecordConstructorArgs):
@@ -45,18 +45,15 @@ class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.ut
         # Gymnasium makes a wrapped environment again from its recorded arguments.
         gym.utils.RecordConstructorArgs.__init__(self, encoder=encoder, output=output, _disable_deepcopy=True)
         gym.ObservationWrapper.__init__(self, env)
-        shape = env.observation_space.shape or ()
-        if len(shape) != 3 or shape[2] != 3 or env.observation_space.dtype != np.uint8:
-            raise UsageError(f"SemanticObservation needs RGB frames of uint8, got {env.observation_space}")
+        _check_frames(env.observation_space)
         self.pipeline = encoder if isinstance(encoder, Pipeline) else load_pipeline(encoder)
         self.output = output
         self._previous: NDArray[np.float32] | None = None
-        self._check_learned()
+        _check_learned(self.pipeline, output)
         if output == "labels":
             self.observation_space = gym.spaces.Box(0, 255, (IMAGE_SIZE_PX, IMAGE_SIZE_PX, 1), np.uint8)
         else:
-            size = (2 * self.pipeline.embedder.dimension,)
-            self.observation_space = gym.spaces.Box(-np.inf, np.inf, size, np.float32)
+            self.observation_space = _vector_space(self.pipeline)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -75,18 +72,78 @@ class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.ut
         self._previous = current
         return np.concatenate([current, current - previous])
 
-    def _check_learned(self) -> None:
-        """Complain of what was not learned; the embedding does so itself when it is shown a black frame."""
-        views = {"labels": ("classes", "embedding"), "vector": ("embedding",)}
-        if self.output not in views:
-            raise UsageError(f"output must be 'vector' or 'labels', not '{self.output}'")
-        if self.pipeline.view not in views[self.output]:
-            raise UsageError(
-                f"output '{self.output}' needs perception of a run of model 'semantic'"
-                f"{' or birch' if self.output == 'labels' else ''}; this one sees '{self.pipeline.view}'"
-            )
-        p = self.pipeline
-        if not (p.detector.is_fitted and p.pca.is_fitted and p.birch.n_leaves_):
-            raise UsageError("this perception has not learned to tell objects apart yet: the run needs more frames")
-        if self.output == "vector":
-            p.embedder.transform(p.scene(np.zeros((IMAGE_SIZE_PX, IMAGE_SIZE_PX), dtype=np.uint8)))
+
+class SemanticVectorObservation(gym.vector.VectorObservationWrapper):
+    """Show an agent the scenes of several environments at once, as `SemanticObservation` does with one.
+
+    Each row is the embedding of an environment's scene and its difference to the one before, which is zero at
+    the start of an episode. The bits are those of single environments, however many there are.
+
+    Parameters
+    ----------
+    env
+        A vector environment; its observations are RGB frames, ``(n, height, width, 3)`` uint8.
+    encoder
+        Folder of a trained run of the model ``semantic``, or its `Pipeline`.
+
+    Raises
+    ------
+    UsageError
+        When the frames are no RGB images, or the run has not learned to embed scenes.
+    """
+
+    def __init__(self, env: gym.vector.VectorEnv[Any, Any, Any], encoder: str | Path | Pipeline) -> None:
+        super().__init__(env)
+        _check_frames(env.single_observation_space)
+        self.pipeline = encoder if isinstance(encoder, Pipeline) else load_pipeline(encoder)
+        _check_learned(self.pipeline, "vector")
+        self.single_observation_space = _vector_space(self.pipeline)
+        self.observation_space = gym.vector.utils.batch_space(self.single_observation_space, env.num_envs)
+        self._begins = np.ones(env.num_envs, np.bool_)
+        self._previous = np.zeros((env.num_envs, self.pipeline.embedder.dimension), np.float32)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[Any], dict[str, Any]]:
+        """Reset all environments; the first differences are zero."""
+        self._begins[:] = True
+        return super().reset(seed=seed, options=options)
+
+    def step(self, actions: Any) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
+        """Step all environments; one whose episode is over begins anew at the next step."""
+        seen, rewards, terminations, truncations, infos = super().step(actions)
+        self._begins = terminations | truncations
+        return seen, rewards, terminations, truncations, infos
+
+    def observations(self, observations: NDArray[np.uint8]) -> NDArray[Any]:
+        """Elevate the frames of all environments."""
+        current = self.pipeline.encode_batch([Observation(frame=frame) for frame in observations])
+        change = np.where(self._begins[:, None], np.float32(0), current - self._previous)
+        self._previous = current
+        return np.concatenate([current, change], axis=1)
+
+
+def _check_frames(space: gym.Space[Any]) -> None:
+    shape = space.shape or ()
+    if len(shape) != 3 or shape[2] != 3 or space.dtype != np.uint8:
+        raise UsageError(f"semantic observations need RGB frames of uint8, got {space}")
+
+
+def _vector_space(pipeline: Pipeline) -> gym.spaces.Box:
+    return gym.spaces.Box(-np.inf, np.inf, (2 * pipeline.embedder.dimension,), np.float32)
+
+
+def _check_learned(pipeline: Pipeline, output: str) -> None:
+    """Complain of what was not learned; the embedding does so itself when it is shown a black frame."""
+    views = {"labels": ("classes", "embedding"), "vector": ("embedding",)}
+    if output not in views:
+        raise UsageError(f"output must be 'vector' or 'labels', not '{output}'")
+    if pipeline.view not in views[output]:
+        raise UsageError(
+            f"output '{output}' needs perception of a run of model 'semantic'"
+            f"{' or birch' if output == 'labels' else ''}; this one sees '{pipeline.view}'"
+        )
+    if not (pipeline.detector.is_fitted and pipeline.pca.is_fitted and pipeline.birch.n_leaves_):
+        raise UsageError("this perception has not learned to tell objects apart yet: the run needs more frames")
+    if output == "vector":
+        pipeline.embedder.transform(pipeline.scene(np.zeros((IMAGE_SIZE_PX, IMAGE_SIZE_PX), dtype=np.uint8)))

@@ -3,7 +3,7 @@
 frame ─ grey image ─ objects ─ reduced objects ─ classes ─ scene graph ─ vector
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -28,6 +28,7 @@ from semrl.embedding import (
     SlotsEmbeddingConfig,
     build_scene_graph,
 )
+from semrl.memo import Memo
 from semrl.protocols import Embedder
 from semrl.reduction import ObjectPCA, PCAConfig
 from semrl.state import ram_feature_names, ram_features, to_grey
@@ -113,6 +114,8 @@ class Pipeline:
         self.pca = ObjectPCA(config.pca)
         self.birch = Birch(config.birch)
         self.scenery = Scenery()
+        self._kinds = Memo(self._classify, self.detector.crop_size_px**2, np.int32)  # the bits of a crop → its class
+        self._kinds_learned: tuple[object, object] | None = None
         # Doc2vec needs an extra: do not ask for it where nothing is embedded.
         self.embedder: Embedder = make_embedder(config) if view == "embedding" else HashedEmbedding(config.hashed)
         if view == "ram":
@@ -140,9 +143,32 @@ class Pipeline:
             return self.class_image(self.detector.detect(image))
         return self.embedder.transform(self.scene(image))
 
+    def encode_batch(self, observations: Sequence[Observation]) -> NDArray[Any]:
+        """Elevate one observation of each of several environments, to the same bits as one by one.
+
+        Returns
+        -------
+        ``(len(observations), *shape)`` of ``dtype``.
+        """
+        encoded = np.empty((len(observations), *self.shape), self.dtype)
+        for row, observation in zip(encoded, observations, strict=True):
+            row[...] = self.encode(observation)
+        return encoded
+
     def classes(self, objects: Objects) -> Ints:
-        """Return the class number of each object (§3.2.2)."""
-        return self.birch.predict(self.pca.transform(objects.features)) if len(objects) else np.empty(0, np.int64)
+        """Return the class number of each object (§3.2.2); what was seen before is remembered until more is learned."""
+        if not len(objects):
+            return np.empty(0, np.int64)
+        learned = self.pca.revision, self.birch.revision
+        if learned != self._kinds_learned:
+            self._kinds.clear()
+            self._kinds_learned = learned
+        known, places = self._kinds.look_up(objects.features.view(np.int32))
+        classes: Ints = known[places]
+        return classes
+
+    def _classify(self, crops: NDArray[np.int32]) -> Ints:
+        return self.birch.predict(self.pca.transform(crops.view(np.float32)))
 
     def class_image(self, objects: Objects) -> Image:
         """Draw every object in the grey level of its class."""

@@ -20,6 +20,7 @@ COMMANDS = {
     "map": ("map", "what the map of a run looks like, and the map as a file"),
     "query": ("query", "ask the map of a run in SPARQL"),
     "explain": ("explain", "why a run took one decision, as text or as a page"),
+    "bench": ("bench", "frames a second, stage by stage, beside the emulator and the thesis's stack"),
     "doctor": ("doctor", "versions, threads, what is missing and how to get it"),
 }
 """Command → module of this package and what it does. Modules are imported when called: torch is slow to load."""

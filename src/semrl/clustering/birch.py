@@ -59,10 +59,16 @@ class Birch:
     ----------
     config
         See `BirchConfig`.
+
+    Attributes
+    ----------
+    revision : object
+        Another one whenever what `predict` returns may have changed.
     """
 
     def __init__(self, config: BirchConfig | None = None) -> None:
         self.config = config or BirchConfig()
+        self.revision = object()
         self._tree = CFTree(self.config.tree())
         self._ids = np.zeros(0, np.int64)  # the leaves at the last global step, ascending
         self._classes = np.zeros(0, np.int64)  # the class of each of them
@@ -107,6 +113,7 @@ class Birch:
             Rows are not finite, or not as long as those seen before; nothing is learned then.
         """
         self._tree.partial_fit(X)
+        self.revision = object()
         if not np.array_equal(self._tree.leaf_ids_, self._ids):
             self._join_leaves()
         return self
@@ -146,6 +153,7 @@ class Birch:
         if len(classes) and not (classes.min() >= 0 and classes.max() < self.config.max_classes):
             raise DataError(f"the saved Birch has more than max_classes = {self.config.max_classes} classes")
         self._tree, self._ids, self._classes = tree, ids, classes
+        self.revision = object()
 
     def _join_leaves(self) -> None:
         """Do the global step and number its clusters."""

@@ -79,6 +79,8 @@ def _split(
 ) -> tuple[NDArray[np.int32], Ints]:
     """Split every object along one axis; return each pixel's new owner and the new objects' tight boxes."""
     lengths = boxes[:, axis + 2]
+    if not len(boxes) or parts_of[lengths].max() == 1:
+        return owners, boxes
     ends = np.cumsum(lengths)
     piece_at = np.empty(lengths.sum(), np.int64)  # of each place along each object
     pieces = 0

@@ -114,12 +114,8 @@ class HashedEmbedding:
         ndarray
             ``(dimension,)`` float32; zeros for a scene without objects.
         """
-        halves = np.rint(graph.centres_px * 2).astype(np.int64)  # (n, 2), in half pixels
-        sums, places = self._objects.look_up(np.column_stack([graph.classes, halves]))
-        total = add_rows(sums, places)
-        if self._hash_weight:
-            add_words(total, self._hasher.surroundings(graph), self._hash_weight)
-        return total.astype(np.float32) * self._scale
+        sums, places = self._objects.look_up(_object_keys(graph.classes, graph.centres_px))
+        return sum_scene(sums, places, self._hasher.surroundings(graph), self._hash_weight, self._scale)
 
     def to_arrays(self) -> Arrays:
         """Return nothing: there is no state."""
@@ -135,17 +131,48 @@ class HashedEmbedding:
         places = np.empty((n, width, width, 2), np.int64)
         places[..., 0], places[..., 1] = positions[:, 0, :, None], positions[:, 1, None, :]
         words = self._hasher.places(np.repeat(keys[:, 0], width * width), places.reshape(-1, 2))
-        both = (weights[:, 0, :, None] * weights[:, 1, None, :]).reshape(n, -1)
-        return sum_spread(words.reshape(n, width * width, words.shape[1]), _ONE * both, self._class_weight, self.dimension)
+        both = (weights[:, 0, :, None] * weights[:, 1, None, :]).reshape(n, width * width)
+        return sum_spread(
+            words.reshape(n, width * width, words.shape[1]), _ONE * both, self._class_weight, self.dimension
+        )
 
 
 @compiled
-def add_rows(sums: Ints, places: Ints) -> Ints:
-    """Sum the named rows of ``(c, dimension)`` sums."""
+def _object_keys(classes: Ints, centres_px: Floats) -> Ints:
+    """Return class, row and column in half pixels of each object, ``(n, 3)``."""
+    keys = np.empty((len(classes), 3), np.int64)
+    for i in range(len(classes)):
+        keys[i, 0] = classes[i]
+        for axis in range(2):
+            keys[i, axis + 1] = np.int64(np.rint(centres_px[i, axis] * np.float32(2)))
+    return keys
+
+
+@compiled
+def sum_scene(sums: Ints, places: Ints, hashes: Hashes, hash_weight: int, scale: np.float32) -> Floats:
+    """Sum what the objects of a scene say, and scale it.
+
+    Parameters
+    ----------
+    sums, places
+        The sums of position words, ``(c, dimension)``, and which of them are those of the ``n`` objects.
+    hashes
+        ``(n, k)``, of the words about surroundings.
+    hash_weight
+        Of each of these.
+    scale
+        What the sum is multiplied with.
+
+    Returns
+    -------
+    ``(dimension,)`` float32.
+    """
     total = np.zeros(sums.shape[1], np.int64)
     for place in places:
         total += sums[place]
-    return total
+    for words in hashes:
+        add_words(total, words, hash_weight)
+    return total.astype(np.float32) * scale
 
 
 @compiled
@@ -177,9 +204,9 @@ def sum_spread(words: Hashes, weights: Ints, class_weight: int, dimension: int) 
 
 @compiled
 def add_words(total: Ints, hashes: Hashes, weight: int) -> None:
-    """Count words: the lowest bit of a word's hash is its sign, the others say which component it adds to."""
+    """Count ``(k,)`` words: the lowest bit of a word's hash is its sign, the others say which component it adds to."""
     dimension = np.uint64(len(total))
-    for word_hash in hashes.flat:
+    for word_hash in hashes:
         component = (word_hash >> np.uint64(1)) % dimension
         total[component] += -weight if word_hash & np.uint64(1) else weight
 

@@ -40,11 +40,14 @@ class ObjectPCA:
     ----------
     n_updates_ : int
         How many times the decomposition was updated.
+    revision : object
+        Another one whenever what `transform` returns may have changed.
     """
 
     def __init__(self, config: PCAConfig | None = None) -> None:
         self.config = config or PCAConfig()
         self.n_updates_ = 0
+        self.revision = object()
         self._pca = IncrementalPCA(n_components=self.config.components)
         self._waiting: NDArray[np.float64] | None = None
 
@@ -77,6 +80,7 @@ class ObjectPCA:
             self._pca.components_ = np.ascontiguousarray(self._pca.components_)
             self._waiting = None
             self.n_updates_ += 1
+            self.revision = object()
         return self
 
     def transform(self, X: NDArray[Any]) -> Floats:
@@ -106,6 +110,7 @@ class ObjectPCA:
     def from_arrays(self, arrays: Arrays) -> None:
         """Take over a decomposition."""
         self.n_updates_ = int(arrays["n_updates"])
+        self.revision = object()
         self._waiting = arrays.get("waiting")
         self._pca = IncrementalPCA(n_components=self.config.components)
         for name in _LEARNED if self.is_fitted else ():
