@@ -13,8 +13,9 @@ RNG = np.random.default_rng(0)
 def walk(length=200):
     """A point that goes where it is told; a reward of its sign whenever it is far out."""
     actions = RNG.integers(0, 2, length)
-    places = np.concatenate([[0.0], np.cumsum(0.2 * (2 * actions - 1))])
-    places = np.clip(places, -1, 1).astype(np.float32)
+    places = np.zeros(length + 1, np.float32)
+    for i, action in enumerate(actions):
+        places[i + 1] = np.clip(places[i] + 0.25 * (2 * action - 1), -1, 1)
     rewards = np.sign(places[1:]) * (np.abs(places[1:]) >= 1)
     return Trajectory(states=np.stack([places, -places], axis=1), actions=actions, rewards=rewards.astype(np.float32))
 
@@ -57,7 +58,7 @@ def test_a_sign_that_was_not_met_has_an_empty_row():
 
 @pytest.mark.parametrize("kind", ["trees", "network"])
 def test_models_are_tested_in_every_way_and_stay_as_they_were(kind):
-    next_state = NextStateConfig(kind=kind, epochs=20, hidden_units=(32,), learning_rate=1e-2, adam_beta1=0.9)
+    next_state = NextStateConfig(kind=kind, epochs=10, hidden_units=(32,), learning_rate=1e-2, adam_beta1=0.9)
     reward = RewardConfig(kind="trees" if kind == "trees" else "svm")
     reasoner = Reasoner(ReasoningConfig(next_state=next_state, reward=reward, past_actions=1), 2, 2, seed=0)
     reasoner.learn(walk(400))

@@ -298,3 +298,19 @@ def test_arrays_of_another_map_are_refused():
 def test_bad_parameters_are_refused(values):
     with pytest.raises(UsageError, match=next(iter(values))):
         StateMapConfig(**values)
+
+
+def test_transitions_are_located_where_they_were_learned():
+    learned = a_map().partial_fit(episode())
+    places = learned.locate_transitions(episode())
+    assert places.shape == (120,)
+    graph = learned.graph_
+    rows = np.concatenate([graph.rewards[:, None], graph.actions], axis=1)[places]  # means of the edges found
+    assert np.abs(rows[:, 0] - episode().rewards).mean() < 0.3
+    assert (rows[np.arange(120), 1 + episode().actions] > 0).mean() > 0.9
+    assert digest(learned.to_arrays()) == digest(a_map().partial_fit(episode()).to_arrays())  # nothing was learned
+
+
+def test_transitions_on_an_empty_map_are_told():
+    with pytest.raises(DataError, match="the map has no edges"):
+        a_map().locate_transitions(episode())

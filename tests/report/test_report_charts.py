@@ -59,3 +59,8 @@ def test_durations_have_the_unit_that_fits():
     assert [duration(s) for s in (0.4, 45, 600, 7200, 200_000)] == [
         "0 seconds", "45 seconds", "10 minutes", "2 hours", "2.3 days",
     ]  # fmt: skip
+
+
+def test_numbers_at_the_axes_are_not_cut_off():
+    chart = stability_path(series(0.025, 0.125, 0.075), goal=0.1, ylabel="y", title="t")
+    assert {"0.025", "0.075", "0.125"} <= set(re.findall(r">([\d.]+)</text>", chart))

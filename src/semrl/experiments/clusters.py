@@ -137,8 +137,7 @@ def _figures(schooled: Mapping[str, Schooled], seen: Mapping[str, _Seen]) -> tup
         Figure(
             number="4.4",
             title="How many objects of each kind",
-            says="Objects of each class in the new run, on a logarithmic scale: some kinds are a thousand times rarer "
-            "than others.",
+            says="Objects of each class in the new run, on a logarithmic scale: kinds differ by orders of magnitude.",
             panels=each(lambda _, found: _distribution(found)),
         ),
         Figure(

@@ -36,12 +36,12 @@ class Validation:
     similarities: NDArray[np.float64]
     distances: NDArray[np.float64]
 
-    @property
-    def pearson(self) -> float | None:
-        """Correlation of the two; None where one of them does not vary."""
-        if not (self.similarities.std() > 0 and self.distances.std() > 0):
+    def pearson(self, start: int = 0) -> float | None:
+        """Return the correlation of the two from a pair of frames on; None where one of them does not vary."""
+        similarities, distances = self.similarities[start:], self.distances[start:]
+        if not (similarities.std() > 0 and distances.std() > 0):
             return None
-        return float(np.corrcoef(self.similarities, self.distances)[0, 1])
+        return float(np.corrcoef(similarities, distances)[0, 1])
 
 
 @dataclass(frozen=True, kw_only=True)

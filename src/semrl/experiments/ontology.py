@@ -82,6 +82,9 @@ def measure(settings: Settings, lab: Lab) -> Result:
     notes = []
     for spec in RUNS[lab.scale]:
         states, suffix = STATES[spec.model], "" if spec.preset == "thesis" else f"@{spec.preset}"
+        if lab.ledger.score(spec) is None:
+            notes.append(f"{spec.id} was not tested: it is not finished yet")
+            continue
         lab.say(f"next states, rewards and map of {spec.id}")
         try:
             player = load_player(lab.run_folder(spec))

@@ -49,7 +49,7 @@ SWEEPS: dict[Scale, Sweep] = {
         seeds={"semrl": ((0,), (0,))},
         models=("ram-map", "semantic-map"),
         overrides={
-            "agent": {"network": {"hidden_units": [8]}, "batch_size": 8, "initial_buffer": 50, "heads": 1},
+            "agent": {"network": {"hidden_units": [8]}, "batch_size": 8, "decisions_per_update": 50},
             "pipeline": {
                 "hashed": {"dimension": 16},
                 "detection": {"threshold_frames": 5},

@@ -9,7 +9,7 @@ from semrl.reasoning import MAP_MODELS
 from semrl.runs import RunConfig, preset
 from semrl.runs.config import merge
 
-CHEAPEST = ("ram", "semantic", "ram-map", "semantic-map", "otsu", "baseline", "birch")
+CHEAPEST = ("ram", "ram-map", "semantic", "semantic-map", "otsu", "baseline", "birch")
 """Models, those whose decisions take least time first."""
 
 

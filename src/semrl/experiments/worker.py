@@ -3,6 +3,7 @@
 It goes on where the run stands, saves when it is told to stop, and stops when whoever started it is gone.
 """
 
+import fcntl
 import os
 import signal
 import sys
@@ -20,13 +21,23 @@ def main(argv: Sequence[str]) -> int:
     threading.Thread(target=_end_with_parent, daemon=True).start()
     run, config, episodes = Path(argv[0]), Path(argv[1]), int(argv[2])
     try:
-        train(run, None if run.exists() else from_dict(read_toml(config), source=str(config)))
+        if run.exists():
+            _wait_for(run)
+            train(run)
+        else:
+            train(run, from_dict(read_toml(config), source=str(config)))
         if episodes:
             evaluate(run, episodes=episodes, policy="planner")
     except SemrlError as error:
         print(f"{error}", file=sys.stderr)
         return 1
     return 0
+
+
+def _wait_for(run: Path) -> None:
+    """Wait until a worker whose queue was killed has saved and let go of its run."""
+    with (run / "lock").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
 
 
 def _end_with_parent() -> None:

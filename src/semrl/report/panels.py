@@ -15,6 +15,11 @@ from semrl.report.charts import RUN_COLOURS
 from semrl.report.svg import STYLE, as_svg, label_axes, new_figure
 from semrl.report.wording import number
 
+GROUP_COLOURS = (
+    *RUN_COLOURS, "#7fb2ef", "#f0b477", "#7fcfa6", "#e79093", "#bfa3e6", "#7fd0d6", "#e3a2c4", "#c9c96a",
+)  # fmt: skip
+"""A colour for each class; more classes begin again."""
+
 SIZE_PX = (360, 250)
 MOST_AREA = 260.0
 """Area of the heaviest point of a scatter plot, in square points."""
@@ -32,14 +37,21 @@ def draw(panel: Panel, title: str) -> Markup:
 
 
 def legend(panel: Panel) -> list[tuple[str, str]]:
-    """Return colours and names of a panel's lines, where there are several."""
-    if not isinstance(panel, Curves) or len(panel.curves) < 2:
-        return []
-    return [(_colour(i), curve.label) for i, curve in enumerate(panel.curves)]
+    """Return colours and names of a panel's lines or groups, where there are several."""
+    named: list[tuple[str, str]] = []
+    if isinstance(panel, Curves):
+        named = [(_colour(i), curve.label) for i, curve in enumerate(panel.curves)]
+    if isinstance(panel, Scatter):
+        named = [(_group_colour(group), str(group)) for group in np.unique(panel.groups).tolist()]
+    return named if len(named) > 1 else []
 
 
 def _colour(i: int) -> str:
     return RUN_COLOURS[i % len(RUN_COLOURS)]
+
+
+def _group_colour(group: int) -> str:
+    return GROUP_COLOURS[group % len(GROUP_COLOURS)]
 
 
 def _curves(panel: Curves, title: str) -> Markup:
@@ -50,8 +62,8 @@ def _curves(panel: Curves, title: str) -> Markup:
         if panel.goal is not None:
             axes.axhline(panel.goal, color=RUN_COLOURS[3], linewidth=1.2, dashes=(4, 3))
             axes.annotate(
-                f"goal {panel.goal:g}", (1, panel.goal), xycoords=("axes fraction", "data"), xytext=(-4, 4),
-                textcoords="offset points", ha="right", color=RUN_COLOURS[3], fontsize=11,
+                f"goal {panel.goal:g}", (0, panel.goal), xycoords=("axes fraction", "data"), xytext=(4, 4),
+                textcoords="offset points", ha="left", color=RUN_COLOURS[3], fontsize=11,
             )  # fmt: skip
 
     return _chart(paint, title)
@@ -70,6 +82,8 @@ def _bars(panel: Bars, title: str) -> Markup:
         axes.set_xlabel(panel.xlabel, loc="right")
         axes.set_title(panel.ylabel, loc="left", fontsize=12, pad=8)
         axes.set_xticks(places, panel.labels)
+        if panel.logarithmic:
+            axes.set_ylim(bottom=0.8)  # a single one is seen
 
     return _chart(paint, title)
 
@@ -77,9 +91,9 @@ def _bars(panel: Bars, title: str) -> Markup:
 def _scatter(panel: Scatter, title: str) -> Markup:
     def paint(axes: Axes) -> None:
         areas = np.maximum(MOST_AREA * panel.weights / max(panel.weights.max(initial=0), 1), 6)
-        areas = np.full(len(areas), 12) if np.ptp(panel.weights) == 0 else areas
-        colours = [_colour(group) for group in panel.groups.tolist()]
-        axes.scatter(panel.x, panel.y, areas, c=colours, alpha=0.65, linewidths=0, rasterized=True)
+        areas = np.full(len(areas), 16) if np.ptp(panel.weights) == 0 else areas
+        colours = [_group_colour(group) for group in panel.groups.tolist()]
+        axes.scatter(panel.x, panel.y, areas, c=colours, alpha=0.75, linewidths=0, rasterized=True)
         if panel.line:
             ends = np.array([panel.x.min(), panel.x.max()])
             axes.plot(ends, panel.line[0] * ends + panel.line[1], color=RUN_COLOURS[3], linewidth=1.8)

@@ -75,10 +75,15 @@ def as_svg(figure: Figure, title: str) -> Markup:
     for stand_in, variable in _VARIABLES.items():
         text = text.replace(stand_in, variable)
     text = re.sub(r'font-family: [^;"]*', "font-family: inherit", text)  # the page's
-    text = re.sub(r"(\d\.\d\d)\d+", r"\1", text)  # hundredths of a pixel are enough
+    text = re.sub(r"<[^>]+>", _coarser, text)
     text = _own_ids(text, title)
     label = Markup('<svg role="img" aria-label="{}" ').format(title)
     return label + Markup(text.removeprefix("<svg").lstrip())
+
+
+def _coarser(tag: re.Match[str]) -> str:
+    """Cut coordinates off at hundredths of a pixel; what is written between the tags stays as it is."""
+    return re.sub(r"(\d\.\d\d)\d+", r"\1", tag[0])
 
 
 def _own_ids(text: str, title: str) -> str:
