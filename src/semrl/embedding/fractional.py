@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.arrays import Arrays
-from semrl.embedding.hashing import add_rows
 from semrl.embedding.scene_graph import object_keys
 from semrl.errors import UsageError
+from semrl.kernels import compiled
 from semrl.memo import Memo
 from semrl.types import Floats, Ints, SceneGraph
 
@@ -110,12 +110,13 @@ class FractionalEmbedding:
             If a centre is not finite or too far away.
         """
         vectors, places = self._objects.look_up(object_keys(graph))
-        return add_rows(vectors, places).astype(np.float32) * self._scale
+        return _sum_rows(vectors, places, self._scale)
 
     def objects(self, graph: SceneGraph) -> Floats:
         """Embed each object on its own, ``(n, dimension)`` float32; a scene is their sum."""
         vectors, places = self._objects.look_up(object_keys(graph))
-        return vectors[places].astype(np.float32) * self._scale
+        rows: Floats = vectors[places].astype(np.float32) * self._scale
+        return rows
 
     def to_arrays(self) -> Arrays:
         """Return nothing: there is no state."""
@@ -140,6 +141,15 @@ class FractionalEmbedding:
         digest = hashlib.shake_128(f"{self.config.seed} {number}".encode()).digest(4 * count)
         phases: NDArray[np.float64] = np.frombuffer(digest, "<u4") * (2 * np.pi / 2**32)
         return phases
+
+
+@compiled
+def _sum_rows(rows: Ints, places: Ints, scale: np.float32) -> Floats:
+    """Sum the rows of ``(c, dimension)`` that are named, and scale the sum."""
+    total = np.zeros(rows.shape[1], np.int64)
+    for place in places:
+        total += rows[place]
+    return total.astype(np.float32) * scale
 
 
 def _spread_frequencies(count: int, width_px: float) -> NDArray[np.float64]:

@@ -93,7 +93,17 @@ def object_keys(graph: SceneGraph) -> Ints:
         If a centre is not finite or further away than `FARTHEST_PX`.
     """
     _check_places(graph.centres_px)
-    return np.column_stack([graph.classes, np.rint(graph.centres_px * 2).astype(np.int64)])
+    return _half_pixels(graph.classes, graph.centres_px)
+
+
+@compiled
+def _half_pixels(classes: Ints, centres_px: Floats) -> Ints:
+    keys = np.empty((len(classes), 3), np.int64)
+    for i in range(len(classes)):
+        keys[i, 0] = classes[i]
+        for axis in range(2):
+            keys[i, axis + 1] = np.int64(np.rint(centres_px[i, axis] * np.float32(2)))
+    return keys
 
 
 @compiled
