@@ -41,6 +41,13 @@ def test_a_scene_is_the_sum_of_its_objects_in_any_order_to_the_last_bit() -> Non
     np.testing.assert_allclose(embed(first), np.sum(alone, axis=0), atol=1e-5)
 
 
+def test_no_bit_depends_on_what_is_embedded_together() -> None:
+    crowd, one_by_one = random_scene(2, 500), FractionalEmbedding()
+    objects = FractionalEmbedding().objects(crowd)
+    for row, number, place in zip(objects, crowd.classes, crowd.centres_px.tolist(), strict=True):
+        np.testing.assert_array_equal(one_by_one.transform(scene((int(number), *place))), row)
+
+
 def test_places_can_be_read_off_by_a_linear_function() -> None:
     rng = np.random.default_rng(0)
     places = rng.uniform(4, 80, (900, 3, 2))

@@ -130,10 +130,7 @@ class FractionalEmbedding:
         phases = np.zeros((len(keys), self.dimension // 2))
         for row, number in zip(phases, keys[:, 0].tolist(), strict=True):
             row[:] = self._class_phases(number)
-        angles = keys[:, 1:] / 2 @ self._frequencies + phases  # (k, dimension / 2)
-        parts = np.concatenate([np.cos(angles), np.sin(angles)], axis=1)
-        whole: Ints = np.rint(parts * (_ONE / np.sqrt(self.dimension // 2))).astype(np.int64)
-        return whole
+        return _turn(keys, self._frequencies, phases, _ONE / np.sqrt(self.dimension // 2))
 
     def _class_phases(self, number: int) -> NDArray[np.float64]:
         """Return the phases of a class, ``(dimension / 2,)`` in 0 … 2π, drawn by a hash of its number."""
@@ -141,6 +138,20 @@ class FractionalEmbedding:
         digest = hashlib.shake_128(f"{self.config.seed} {number}".encode()).digest(4 * count)
         phases: NDArray[np.float64] = np.frombuffer(digest, "<u4") * (2 * np.pi / 2**32)
         return phases
+
+
+@compiled
+def _turn(keys: Ints, frequencies: NDArray[np.float64], phases: NDArray[np.float64], length: float) -> Ints:
+    """Return the vectors of objects; number by number, so that no bit depends on how many there are."""
+    count = phases.shape[1]
+    vectors = np.empty((len(keys), 2 * count), np.int64)
+    for i in range(len(keys)):
+        row, column = keys[i, 1] / 2, keys[i, 2] / 2
+        for k in range(count):
+            angle = row * frequencies[0, k] + column * frequencies[1, k] + phases[i, k]
+            vectors[i, k] = np.int64(np.rint(np.cos(angle) * length))
+            vectors[i, count + k] = np.int64(np.rint(np.sin(angle) * length))
+    return vectors
 
 
 @compiled
