@@ -8,7 +8,7 @@ import pytest
 from semrl.arrays import Arrays, digest
 from semrl.clustering import BirchConfig
 from semrl.detection import ForegroundConfig
-from semrl.embedding import HashedEmbeddingConfig, SceneGraphConfig
+from semrl.embedding import HashedEmbeddingConfig, OnlineEmbeddingConfig, SceneGraphConfig
 from semrl.pipeline import Pipeline, PipelineConfig
 from semrl.stability import StabilityConfig
 from semrl.stages import Schooling
@@ -227,3 +227,34 @@ def test_schooling_goes_on_where_it_was(stage):
     assert schooling.current is restored.current is None
     assert digest(straight.to_arrays()) == digest(other.to_arrays())
     assert digest(schooling.to_arrays()) == digest(restored.to_arrays())
+
+
+def test_an_online_embedding_learns_from_scenes_as_they_come():
+    online = OnlineEmbeddingConfig(dimension=8, documents=6, buckets=64)
+    config = PipelineConfig(embedding="online", online=online)
+    pipeline = Pipeline(config, "embedding")
+    schooling = Schooling(pipeline, QUICK)
+    shown = iter(frames(900))
+    names = learn_all(schooling, shown)
+    assert names.count("documents") == pipeline.embedder.documents_ == 6
+    assert schooling.current is None
+    before = digest(pipeline.to_arrays())
+    assert pipeline.encode(next(shown)).shape == (8,)
+    assert digest(pipeline.to_arrays()) == before
+
+
+def test_online_learning_goes_on_where_it_was():
+    online = OnlineEmbeddingConfig(dimension=8, documents=6, buckets=64)
+    config = PipelineConfig(embedding="online", online=online)
+    straight, shown = Schooling(Pipeline(config, "embedding"), QUICK), list(frames(900))
+    used = 0
+    while straight.current is None or straight.current.name != "documents" or straight.current.batches_ < 3:
+        straight.learn(shown[used])
+        used += 1
+    pipeline = Pipeline(config, "embedding")
+    pipeline.from_arrays(straight.stages[0].pipeline.to_arrays())
+    resumed = Schooling(pipeline, QUICK)
+    resumed.from_arrays(straight.to_arrays())
+    for schooling in (straight, resumed):
+        learn_all(schooling, shown[used:])
+    assert digest(pipeline.to_arrays()) == digest(straight.stages[0].pipeline.to_arrays())

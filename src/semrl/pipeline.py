@@ -4,7 +4,7 @@ frame ─ grey image ─ objects ─ reduced objects ─ classes ─ scene graph
                                                        └─ tracks ─ slots: the model `objects`
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
@@ -17,10 +17,16 @@ from semrl.detection import DetectionConfig, ForegroundConfig, ForegroundDetecto
 from semrl.embedding import (
     Doc2VecConfig,
     Doc2VecEmbedding,
+    FractionalEmbedding,
+    FractionalEmbeddingConfig,
     HashedEmbedding,
     HashedEmbeddingConfig,
+    OnlineEmbedding,
+    OnlineEmbeddingConfig,
     SceneGraphConfig,
     Scenery,
+    SlotsEmbedding,
+    SlotsEmbeddingConfig,
     build_scene_graph,
 )
 from semrl.memo import Memo
@@ -59,18 +65,37 @@ class PipelineConfig:
     """When objects are of one kind."""
     scene: SceneGraphConfig = field(default_factory=SceneGraphConfig)
     """Which objects a scene has, and which of them are joined."""
-    embedding: Literal["doc2vec", "hashed"] = "doc2vec"
-    """How a scene becomes a vector: the thesis's way (needs the extra 'thesis') or signed hashing."""
+    embedding: Literal["doc2vec", "hashed", "fractional", "online", "slots"] = "doc2vec"
+    """How a scene becomes a vector: the thesis's way (needs the extra 'thesis'), hashed words, places as phases,
+    those and words learned as they come, or a plain list of objects."""
     doc2vec: Doc2VecConfig = field(default_factory=Doc2VecConfig)
     """Parameters of the thesis's embedding."""
     hashed: HashedEmbeddingConfig = field(default_factory=HashedEmbeddingConfig)
     """Parameters of the hashed embedding."""
+    fractional: FractionalEmbeddingConfig = field(default_factory=FractionalEmbeddingConfig)
+    """Parameters of the fractional embedding."""
+    online: OnlineEmbeddingConfig = field(default_factory=OnlineEmbeddingConfig)
+    """Parameters of the online embedding."""
+    slots: SlotsEmbeddingConfig = field(default_factory=SlotsEmbeddingConfig)
+    """Parameters of the plain list."""
     foreground: ForegroundConfig = field(default_factory=ForegroundConfig)
     """What counts as an object for the model `objects`."""
     tracking: TrackingConfig = field(default_factory=TrackingConfig)
     """Which object is which from decision to decision."""
     roles: RolesConfig = field(default_factory=RolesConfig)
     """Which of them the agent is told of."""
+
+
+def make_embedder(config: PipelineConfig) -> Embedder:
+    """Make the embedding that the configuration names."""
+    makers: dict[str, Callable[[], Embedder]] = {
+        "doc2vec": lambda: Doc2VecEmbedding(config.doc2vec),
+        "hashed": lambda: HashedEmbedding(config.hashed),
+        "fractional": lambda: FractionalEmbedding(config.fractional),
+        "online": lambda: OnlineEmbedding(config.online),
+        "slots": lambda: SlotsEmbedding(config.slots),
+    }
+    return makers[config.embedding]()
 
 
 class Pipeline:
@@ -105,8 +130,7 @@ class Pipeline:
         self.roles = Roles(config.roles)
         self.begin_episode()
         # Doc2vec needs an extra: do not ask for it where nothing is embedded.
-        needs_doc2vec = view == "embedding" and config.embedding == "doc2vec"
-        self.embedder: Embedder = Doc2VecEmbedding(config.doc2vec) if needs_doc2vec else HashedEmbedding(config.hashed)
+        self.embedder: Embedder = make_embedder(config) if view == "embedding" else HashedEmbedding(config.hashed)
         self.shape: tuple[int, ...] = (IMAGE_SIZE_PX, IMAGE_SIZE_PX)
         if view == "ram":
             self.shape = (len(self.names),)

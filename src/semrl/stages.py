@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from semrl.arrays import Arrays, arrays_to_ragged, nest, ragged_to_arrays, unnest
-from semrl.embedding import build_scene_graph
+from semrl.embedding import OnlineEmbedding, build_scene_graph
 from semrl.pipeline import Pipeline, View
 from semrl.stability import StabilityConfig, StabilityTest, label_agreement, mean_absolute_difference
 from semrl.state import to_grey
@@ -228,6 +228,22 @@ class DocumentsStage(Stage):
         self.scenes_ = [build_scene_graph(c, p, proximity) for c, p in zip(classes, centres, strict=True)]
 
 
+class OnlineStage(Stage):
+    """Let an embedding learn from scenes as they come; none of them is kept."""
+
+    name = "documents"
+    unit = "documents"
+
+    def __init__(self, pipeline: Pipeline, embedder: OnlineEmbedding) -> None:
+        super().__init__(pipeline)
+        self.embedder = embedder
+        self.goal = embedder.documents_needed
+
+    def _learn(self, observation: Observation, _action: int | None) -> bool:
+        self.embedder.partial_fit(self.pipeline.scene(to_grey(observation.frame)))
+        return self.batches_ >= self.goal
+
+
 class Schooling:
     """All stages that a pipeline's view needs, in order.
 
@@ -278,5 +294,9 @@ def _stages(pipeline: Pipeline, view: View, config: StabilityConfig) -> list[Sta
     if view == "embedding" and pipeline.config.scene.omit_scenery:
         stages.append(SceneryStage(pipeline))
     if view == "embedding" and pipeline.embedder.documents_needed:
-        stages.append(DocumentsStage(pipeline))
+        embedder = pipeline.embedder
+        if isinstance(embedder, OnlineEmbedding):
+            stages.append(OnlineStage(pipeline, embedder))
+        else:
+            stages.append(DocumentsStage(pipeline))
     return stages

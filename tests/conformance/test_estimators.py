@@ -59,6 +59,11 @@ def knows_actions(cls):
     return "n_actions" in inspect.signature(cls).parameters
 
 
+def is_embedder(cls):
+    """Whether it learns from scenes."""
+    return hasattr(cls, "documents_needed")
+
+
 ESTIMATORS = discover()
 EXTRAS = {"Doc2VecEmbedding": "gensim"}
 
@@ -76,7 +81,8 @@ each_that_takes_rows = checked(
     [
         name
         for name, cls in ESTIMATORS.items()
-        if hasattr(cls, "partial_fit") and not hasattr(cls, "detect") and not knows_actions(cls) and not follows(cls)
+        if hasattr(cls, "partial_fit")
+        and not (hasattr(cls, "detect") or knows_actions(cls) or follows(cls) or is_embedder(cls))
     ]
 )
 
@@ -142,7 +148,7 @@ def batches(cls, seed=0):
         return [e if hasattr(cls, "locate") else e.transitions for e in episodes(seed)]
     if hasattr(cls, "detect"):
         return images(seed)
-    return rows(seed) if hasattr(cls, "partial_fit") else scenes(seed)
+    return scenes(seed) if is_embedder(cls) else rows(seed)
 
 
 def learn(estimator, data):

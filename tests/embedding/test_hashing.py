@@ -8,7 +8,7 @@ import pytest
 
 from semrl import memo
 from semrl.embedding import HashedEmbedding, HashedEmbeddingConfig, WordsConfig, build_scene_graph, document
-from semrl.errors import UsageError
+from semrl.errors import DataError, UsageError
 from semrl.protocols import Persistent
 from semrl.types import SceneGraph
 
@@ -90,6 +90,13 @@ def test_no_objects_give_zeros() -> None:
     vector = HashedEmbedding().transform(nothing)
     assert vector.dtype == np.float32
     np.testing.assert_array_equal(vector, np.zeros(128))
+
+
+def test_what_is_not_finite_is_refused() -> None:
+    broken = random_scene(0)
+    broken.centres_px[3, 0] = np.nan
+    with pytest.raises(DataError):
+        HashedEmbedding().transform(broken)
 
 
 def test_different_scenes_have_different_vectors_and_close_ones_close_vectors() -> None:

@@ -1,23 +1,32 @@
 """Embedding (§3.2.3): a frame's objects become a graph, the graph words, the words a vector."""
 
 from semrl.embedding.doc2vec import Doc2VecConfig, Doc2VecEmbedding
+from semrl.embedding.fractional import FractionalEmbedding, FractionalEmbeddingConfig
 from semrl.embedding.graph_distance import GraphDistanceConfig, graph_distance, graph_distances, nearest_graphs
 from semrl.embedding.hashing import HashedEmbedding, HashedEmbeddingConfig
+from semrl.embedding.online import OnlineEmbedding, OnlineEmbeddingConfig
 from semrl.embedding.retrieval import Retrieval
 from semrl.embedding.scene_graph import SceneGraphConfig, build_scene_graph
 from semrl.embedding.scenery import Scenery
+from semrl.embedding.slots import SlotsEmbedding, SlotsEmbeddingConfig
 from semrl.embedding.word_hashes import WordHasher, word_hash
 from semrl.embedding.words import WordsConfig, document, position_words, sentences, wl_hashes
 
 __all__ = [
     "Doc2VecConfig",
     "Doc2VecEmbedding",
+    "FractionalEmbedding",
+    "FractionalEmbeddingConfig",
     "GraphDistanceConfig",
     "HashedEmbedding",
     "HashedEmbeddingConfig",
+    "OnlineEmbedding",
+    "OnlineEmbeddingConfig",
     "Retrieval",
     "SceneGraphConfig",
     "Scenery",
+    "SlotsEmbedding",
+    "SlotsEmbeddingConfig",
     "WordHasher",
     "WordsConfig",
     "build_scene_graph",

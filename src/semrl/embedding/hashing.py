@@ -12,6 +12,7 @@ from typing import Self
 import numpy as np
 
 from semrl.arrays import Arrays
+from semrl.embedding.scene_graph import object_keys
 from semrl.embedding.word_hashes import Hashes, WordHasher
 from semrl.embedding.words import WordsConfig
 from semrl.errors import UsageError
@@ -113,8 +114,13 @@ class HashedEmbedding:
         -------
         ndarray
             ``(dimension,)`` float32; zeros for a scene without objects.
+
+        Raises
+        ------
+        DataError
+            If a centre is not finite or too far away.
         """
-        sums, places = self._objects.look_up(_object_keys(graph.classes, graph.centres_px))
+        sums, places = self._objects.look_up(object_keys(graph))
         return sum_scene(sums, places, self._hasher.surroundings(graph), self._hash_weight, self._scale)
 
     def to_arrays(self) -> Arrays:
@@ -135,17 +141,6 @@ class HashedEmbedding:
         return sum_spread(
             words.reshape(n, width * width, words.shape[1]), _ONE * both, self._class_weight, self.dimension
         )
-
-
-@compiled
-def _object_keys(classes: Ints, centres_px: Floats) -> Ints:
-    """Return class, row and column in half pixels of each object, ``(n, 3)``."""
-    keys = np.empty((len(classes), 3), np.int64)
-    for i in range(len(classes)):
-        keys[i, 0] = classes[i]
-        for axis in range(2):
-            keys[i, axis + 1] = np.int64(np.rint(centres_px[i, axis] * np.float32(2)))
-    return keys
 
 
 @compiled

@@ -74,10 +74,36 @@ def _checked(classes: NDArray[Any], centres_px: NDArray[Any]) -> tuple[Ints, Flo
     if centres_px.shape != (len(classes), 2):
         raise DataError(f"each object needs a class and a centre: {classes.shape} classes, {centres_px.shape} centres")
     centres = np.array(centres_px, dtype=np.float32)
+    _check_places(centres)
+    return np.array(classes, dtype=np.int64), centres
+
+
+def _check_places(centres: Floats) -> None:
     far = _first_far(centres)
     if far >= 0:
         raise DataError(f"the centre of object {far} is not finite or too far away: {centres[far].tolist()}")
-    return np.array(classes, dtype=np.int64), centres
+
+
+def object_keys(graph: SceneGraph) -> Ints:
+    """Write objects as whole numbers: class, row and column in half pixels, ``(n, 3)``.
+
+    Raises
+    ------
+    DataError
+        If a centre is not finite or further away than `FARTHEST_PX`.
+    """
+    _check_places(graph.centres_px)
+    return _half_pixels(graph.classes, graph.centres_px)
+
+
+@compiled
+def _half_pixels(classes: Ints, centres_px: Floats) -> Ints:
+    keys = np.empty((len(classes), 3), np.int64)
+    for i in range(len(classes)):
+        keys[i, 0] = classes[i]
+        for axis in range(2):
+            keys[i, axis + 1] = np.int64(np.rint(centres_px[i, axis] * np.float32(2)))
+    return keys
 
 
 @compiled

@@ -1,0 +1,168 @@
+"""Which embedding is best: the thesis's two, signed hashing, online graph2vec, places as phases, a plain list.
+
+What the agent that uses one scores is measured by training it, for instance
+
+    semrl train --model semantic --pipeline.embedding fractional
+"""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from semrl.embedding import OnlineEmbedding
+from semrl.embedding.retrieval import embed
+from semrl.errors import MissingExtraError
+from semrl.experiments.base import Experiment, Lab
+from semrl.experiments.drift import cosines_to, probes_of
+from semrl.experiments.judging import Judge, call_judge
+from semrl.experiments.perception import school
+from semrl.experiments.results import Number, Result
+from semrl.experiments.watching import COORDINATES, Watched, watch
+from semrl.pipeline import make_embedder
+from semrl.protocols import Embedder
+from semrl.runs import RunConfig, preset
+from semrl.runs.config import merge
+from semrl.types import SceneGraph
+
+CANDIDATES: dict[str, Mapping[str, Any]] = {
+    "pv-dbow": {"embedding": "doc2vec"},
+    "pv-dm": {"embedding": "doc2vec", "doc2vec": {"words": {"form": "pv-dm"}}},
+    "hashed": {"embedding": "hashed"},
+    "words-online": {"embedding": "online", "online": {"prior": 0.0, "anchor": 0.0}},
+    "online": {"embedding": "online"},
+    "fractional": {"embedding": "fractional"},
+    "slots": {"embedding": "slots"},
+}
+"""Settings of the pipeline on top of the preset `semrl`, whose perception gives all of them the same scenes."""
+
+THESIS = {"ratio": 0.789, "pearson": -0.463}
+"""Of PV-DBOW, on scenes with everything in them (§4.1.3)."""
+
+MEASURED = ("ratio", "pearson", *(f"r2-{name.replace('_', '-')}" for name in COORDINATES), "drift", "microseconds")
+LOWER_IS_BETTER = ("pearson", "microseconds")
+
+DOCUMENTS_SEED, VALIDATION_SEED = 100, 1_000
+"""Added to the seed of perception for play to learn from, and for play that nothing was learned from."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """How much is looked at, in decisions of four frames.
+
+    Attributes
+    ----------
+    documents
+        Scenes that embeddings learn from and that are searched.
+    validation
+        Scenes of new episodes.
+    drift
+        Scenes after which vectors of the same scenes are compared, before and after: an online embedding goes on
+        learning in between.
+    timed
+        Scenes that are timed, and how often.
+    overrides
+        Nested settings on top of the preset.
+    """
+
+    documents: int = 30_000
+    validation: int = 5_000
+    drift: tuple[int, int] = (12_500, 125_000)
+    timed: tuple[int, int] = (1_000, 7)
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+
+
+def measure(settings: Settings, lab: Lab) -> Result:
+    """Measure every candidate on the same scenes."""
+    base = candidate_config(settings.overrides, {"embedding": "hashed"})
+    pipeline = school(base, "embedding").pipeline
+    lab.say("play to learn from")
+    most = max(settings.documents, settings.drift[1])
+    stream = watch(pipeline, base, most, base.seed + DOCUMENTS_SEED)
+    validation = watch(pipeline, base, settings.validation, base.seed + VALIDATION_SEED)
+    judge = call_judge(stream.first(settings.documents), validation)
+    values: dict[str, float | None] = {"comparison/direct-search/within-5": judge.best.within(5)}
+    notes = []
+    for name, candidate in CANDIDATES.items():
+        lab.say(f"embedding {name}")
+        try:
+            embedder = make_embedder(candidate_config(settings.overrides, candidate).pipeline)
+        except MissingExtraError as error:
+            notes.append(f"{name} was left out: {error}")
+            continue
+        found = _measure(embedder, judge, stream, settings)
+        values |= {f"comparison/{name}/{what}": value for what, value in found.items()}
+    return Result(values=values, notes=tuple(notes))
+
+
+def candidate_config(overrides: Mapping[str, Any], pipeline: Mapping[str, Any]) -> RunConfig:
+    """Return the preset `semrl` with the settings of an experiment and, on top, those of a candidate."""
+    return preset("semrl", "semantic", merge(overrides, {"pipeline": pipeline}))
+
+
+def _measure(embedder: Embedder, judge: Judge, stream: Watched, settings: Settings) -> dict[str, float | None]:
+    embedder.fit(judge.documents.scenes)
+    return {
+        **judge.judge(embedder),
+        "drift": _drift(embedder, stream.scenes, judge, settings.drift),
+        "microseconds": _microseconds(embedder, judge.validation.scenes, *settings.timed),
+    }
+
+
+def _drift(embedder: Embedder, scenes: Sequence[SceneGraph], judge: Judge, between: tuple[int, int]) -> float | None:
+    """Return the mean cosine between the vectors of probe scenes before and after further scenes."""
+    if not isinstance(embedder, OnlineEmbedding):
+        return 1.0  # learns nothing more, or never did
+    start, end = between
+    learning, probes = OnlineEmbedding(embedder.config), probes_of(judge.validation)
+    before = embed(learning.fit(scenes[:start]), probes)
+    for scene in scenes[start:end]:
+        learning.partial_fit(scene)
+    return float(cosines_to(before, embed(learning, probes)).mean())
+
+
+def _microseconds(embedder: Embedder, scenes: Sequence[SceneGraph], most: int, rounds: int) -> float:
+    """Return the median time from a scene to its vector, what is remembered of earlier scenes included."""
+    timed, times = scenes[:most], []
+    for _ in range(rounds):
+        start = time.perf_counter()
+        embed(embedder, timed)
+        times.append((time.perf_counter() - start) / len(timed) * 1e6)
+    return float(np.median(times))
+
+
+def _number(name: str, what: str) -> Number:
+    unit = {"ratio": "share", "drift": "cosine", "microseconds": "µs a frame"}.get(what, "")
+    better = "lower" if what in LOWER_IS_BETTER else "higher"
+    return Number(id=f"comparison/{name}/{what}", thesis=THESIS.get(what), unit=unit, better=better)  # type: ignore[arg-type]
+
+
+TINY = {
+    "pipeline": {
+        "detection": {"threshold_frames": 5},
+        "scene": {"scenery_frames": 5},
+        "doc2vec": {"dimension": 16, "epochs": 2},
+        "online": {"buckets": 512},
+    },
+    "stability": {"batches": 5, "max_batches": 20},
+}
+"""Perception and embeddings that learn in a second."""
+
+EXPERIMENT = Experiment(
+    name="embedding",
+    place=7,
+    title="Which embedding",
+    section="§4.1.3, and beyond",
+    numbers=(
+        Number(id="comparison/direct-search/within-5", thesis=0.843, unit="share", better="near"),
+        *(_number(name, what) for name in CANDIDATES for what in MEASURED),
+    ),
+    settings={
+        "full": Settings(),
+        "quick": Settings(documents=6_000, validation=2_000, drift=(2_500, 12_500), timed=(500, 3)),
+        "tiny": Settings(documents=120, validation=60, drift=(60, 120), timed=(10, 1), overrides=TINY),
+    },
+    measure=measure,
+)
