@@ -19,6 +19,8 @@ SETTINGS: dict[str, Any] = {
     "pipeline.hashed.dimension": 16,
     "pipeline.detection.threshold_frames": 4,
     "pipeline.scene.scenery_frames": 12,
+    "pipeline.foreground.background_frames": 12,
+    "pipeline.roles.frames": 30,
     "stability.batches": 4,
     "stability.max_batches": 12,
     "stability.max_difference": 0.0,  # never reached: PCA and Birch take 12 batches each
@@ -114,8 +116,24 @@ def map_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def ram_map_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished run on an Atari game, with a map and without perception. Read only."""
+    path = tmp_path_factory.mktemp("runs") / "ram-map"
+    train(path, tiny("ram-map", frames=8000))
+    return path
+
+
+@pytest.fixture(scope="session")
 def baseline_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished run without perception. Read only."""
     path = tmp_path_factory.mktemp("runs") / "baseline"
     train(path, tiny("baseline", frames=300))
+    return path
+
+
+@pytest.fixture(scope="session")
+def objects_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished run that follows objects. Read only."""
+    path = tmp_path_factory.mktemp("runs") / "objects"
+    train(path, tiny("objects"))
     return path

@@ -96,7 +96,7 @@ def test_runs_that_did_not_learn_it_are_refused(semantic_run, baseline_run, tmp_
             SemanticObservation(env, baseline_run, output)
         with pytest.raises(UsageError, match="there is no run"):
             SemanticObservation(env, tmp_path / "none", output)
-    with pytest.raises(UsageError, match="needs perception of a run of model 'semantic'"):
+    with pytest.raises(UsageError, match="needs perception of a run of model 'semantic' or 'objects'"):
         SemanticObservation(env, Pipeline(PipelineConfig(embedding="hashed"), "classes"), "vector")
     for frames in (8, 24, 40):  # stopped while looking for the threshold, in PCA, in Birch
         train(tmp_path / f"short-{frames}", tiny(frames=frames))
@@ -137,3 +137,21 @@ def test_several_environments_need_frames_and_a_trained_perception(baseline_run,
         SemanticVectorObservation(gym.vector.SyncVectorEnv([raw]), baseline_run)
     with pytest.raises(UsageError):
         SemanticVectorObservation(gym.make_vec("CartPole-v1", num_envs=2), semantic_run)
+
+
+def test_slots_are_what_the_agent_sees_and_wrappers_share_no_tracks(objects_run):
+    """At every decision of an episode that another wrapper of the same pipeline interrupts."""
+    player = load_player(objects_run)
+    env, other = (SemanticObservation(make_env(CATCH), player.pipeline) for _ in range(2))
+    other.reset(seed=3)
+    game, previous = player.new_game(4), None
+    steps = list(player.play(game, np.random.default_rng(0)))
+    observation, _ = env.reset(seed=int(game.to_arrays()["episode_seed"]))
+    for step, after in zip(steps, [*steps[1:], None], strict=True):
+        previous = step.state[0] if previous is None else previous
+        np.testing.assert_array_equal(observation, np.concatenate([step.state[0], step.state[0] - previous]))
+        previous = step.state[0]
+        other.step(1)
+        if after is not None:
+            observation, *_ = env.step(after.action)
+    assert any(step.state[0].any() for step in steps)

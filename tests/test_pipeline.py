@@ -50,6 +50,7 @@ def test_the_models_of_table_4_1():
         "birch": "classes",
         "semantic": "embedding",
         "semantic-map": "embedding",
+        "objects": "objects",
         "ram": "ram",
         "ram-map": "ram",
     }

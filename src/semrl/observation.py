@@ -1,5 +1,6 @@
 """Symbols for other people's agents: Gymnasium wrappers around any environment with RGB frames."""
 
+import copy
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,7 +11,6 @@ from numpy.typing import NDArray
 from semrl.errors import UsageError
 from semrl.pipeline import Pipeline
 from semrl.runs import load_pipeline
-from semrl.state import to_grey
 from semrl.types import IMAGE_SIZE_PX, Observation
 
 
@@ -23,11 +23,11 @@ class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.ut
         Its observations are RGB frames, ``(height, width, 3)`` uint8; `make_env` gives such
         environments with frame skip.
     encoder
-        Folder of a trained run with perception (model ``birch`` or ``semantic``; vectors need
-        ``semantic``), or its `Pipeline`.
+        Folder of a trained run with perception (model ``birch`` or ``semantic``; vectors need ``semantic``
+        or ``objects``), or its `Pipeline`, which stays as it is.
     output
-        ``"vector"``: the embedding of the scene and its difference to the previous one (§3.2.3),
-        ``(2 d,)`` float32. ``"labels"``: every pixel in the grey level of its object's class,
+        ``"vector"``: the embedding of the scene, or the slots of tracked objects, and its difference to the
+        previous one (§3.2.3), ``(2 d,)`` float32. ``"labels"``: every pixel in the grey level of its object's class,
         ``(84, 84, 1)`` uint8.
 
     Raises
@@ -46,7 +46,8 @@ class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.ut
         gym.utils.RecordConstructorArgs.__init__(self, encoder=encoder, output=output, _disable_deepcopy=True)
         gym.ObservationWrapper.__init__(self, env)
         _check_frames(env.observation_space)
-        self.pipeline = encoder if isinstance(encoder, Pipeline) else load_pipeline(encoder)
+        # What was learned may be shared; the tracks of an episode may not.
+        self.pipeline = copy.copy(encoder) if isinstance(encoder, Pipeline) else load_pipeline(encoder)
         self.output = output
         self._previous: NDArray[np.float32] | None = None
         _check_learned(self.pipeline, output)
@@ -60,14 +61,15 @@ class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.ut
     ) -> tuple[NDArray[Any], dict[str, Any]]:
         """Reset; the first difference is zero."""
         self._previous = None
+        self.pipeline.begin_episode()
         return super().reset(seed=seed, options=options)
 
     def observation(self, observation: NDArray[np.uint8]) -> NDArray[Any]:
         """Elevate one frame."""
-        image = to_grey(observation)
+        frame = Observation(frame=observation)
         if self.output == "labels":
-            return self.pipeline.class_image(self.pipeline.detector.detect(image))[:, :, None]
-        current = self.pipeline.embedder.transform(self.pipeline.scene(image))
+            return self.pipeline.class_image(self.pipeline.detect(frame))[:, :, None]
+        current = self.pipeline.encode(frame)
         previous = current if self._previous is None else self._previous
         self._previous = current
         return np.concatenate([current, current - previous])
@@ -97,6 +99,8 @@ class SemanticVectorObservation(gym.vector.VectorObservationWrapper):
         _check_frames(env.single_observation_space)
         self.pipeline = encoder if isinstance(encoder, Pipeline) else load_pipeline(encoder)
         _check_learned(self.pipeline, "vector")
+        if self.pipeline.view == "objects":
+            raise UsageError("objects are followed in one environment at a time: use SemanticObservation in each")
         self.single_observation_space = _vector_space(self.pipeline)
         self.observation_space = gym.vector.utils.batch_space(self.single_observation_space, env.num_envs)
         self._begins = np.ones(env.num_envs, np.bool_)
@@ -120,30 +124,32 @@ class SemanticVectorObservation(gym.vector.VectorObservationWrapper):
         current = self.pipeline.encode_batch([Observation(frame=frame) for frame in observations])
         change = np.where(self._begins[:, None], np.float32(0), current - self._previous)
         self._previous = current
+        self._begins = np.zeros(len(current), np.bool_)
         return np.concatenate([current, change], axis=1)
 
 
 def _check_frames(space: gym.Space[Any]) -> None:
     shape = space.shape or ()
     if len(shape) != 3 or shape[2] != 3 or space.dtype != np.uint8:
-        raise UsageError(f"semantic observations need RGB frames of uint8, got {space}")
+        raise UsageError(f"a semantic observation needs RGB frames of uint8, got {space}")
 
 
 def _vector_space(pipeline: Pipeline) -> gym.spaces.Box:
-    return gym.spaces.Box(-np.inf, np.inf, (2 * pipeline.embedder.dimension,), np.float32)
+    return gym.spaces.Box(-np.inf, np.inf, (2 * pipeline.shape[0],), np.float32)
 
 
 def _check_learned(pipeline: Pipeline, output: str) -> None:
     """Complain of what was not learned; the embedding does so itself when it is shown a black frame."""
-    views = {"labels": ("classes", "embedding"), "vector": ("embedding",)}
+    views = {"labels": ("classes", "embedding"), "vector": ("embedding", "objects")}
     if output not in views:
         raise UsageError(f"output must be 'vector' or 'labels', not '{output}'")
     if pipeline.view not in views[output]:
         raise UsageError(
             f"output '{output}' needs perception of a run of model 'semantic'"
-            f"{' or birch' if output == 'labels' else ''}; this one sees '{pipeline.view}'"
+            f" or '{'birch' if output == 'labels' else 'objects'}'; this one sees '{pipeline.view}'"
         )
-    if not (pipeline.detector.is_fitted and pipeline.pca.is_fitted and pipeline.birch.n_leaves_):
+    detects = pipeline.roles.is_fitted if pipeline.view == "objects" else pipeline.detector.is_fitted
+    if not (detects and pipeline.pca.is_fitted and pipeline.birch.n_leaves_):
         raise UsageError("this perception has not learned to tell objects apart yet: the run needs more frames")
-    if output == "vector":
+    if pipeline.view == "embedding" and output == "vector":
         pipeline.embedder.transform(pipeline.scene(np.zeros((IMAGE_SIZE_PX, IMAGE_SIZE_PX), dtype=np.uint8)))

@@ -1,10 +1,11 @@
 """Elevation, the upper line of Fig. 1.1: from a raw frame to the state that an agent sees.
 
 frame ─ grey image ─ objects ─ reduced objects ─ classes ─ scene graph ─ vector
+                                                       └─ tracks ─ slots: the model `objects`
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from semrl.arrays import Arrays, nest, unnest
 from semrl.clustering import Birch, BirchConfig
-from semrl.detection import DetectionConfig, OtsuDetector, label_image
+from semrl.detection import DetectionConfig, ForegroundConfig, ForegroundDetector, OtsuDetector, label_image
 from semrl.embedding import (
     Doc2VecConfig,
     Doc2VecEmbedding,
@@ -23,12 +24,13 @@ from semrl.embedding import (
     build_scene_graph,
 )
 from semrl.memo import Memo
-from semrl.protocols import Embedder
+from semrl.protocols import Embedder, Persistent
 from semrl.reduction import ObjectPCA, PCAConfig
 from semrl.state import ram_feature_names, ram_features, to_grey
-from semrl.types import IMAGE_SIZE_PX, Image, Ints, Objects, Observation, SceneGraph
+from semrl.tracking import SLOT_NUMBERS, Roles, RolesConfig, TrackingConfig, follow, no_tracks
+from semrl.types import IMAGE_SIZE_PX, Frame, Image, Ints, Objects, Observation, SceneGraph, Tracks
 
-View = Literal["grey", "components", "classes", "embedding", "ram"]
+View = Literal["grey", "components", "classes", "embedding", "objects", "ram"]
 """What is shown to the agent: how far up a frame is elevated."""
 
 MODELS: dict[str, View] = {
@@ -37,10 +39,11 @@ MODELS: dict[str, View] = {
     "birch": "classes",
     "semantic": "embedding",
     "semantic-map": "embedding",
+    "objects": "objects",
     "ram": "ram",
     "ram-map": "ram",
 }
-"""The models of Table 4.1 and what their agents see; those with a map are told its plans as well."""
+"""The models of Table 4.1, and `objects`, and what their agents see; those with a map are told its plans as well."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +64,12 @@ class PipelineConfig:
     """Parameters of the thesis's embedding."""
     hashed: HashedEmbeddingConfig = field(default_factory=HashedEmbeddingConfig)
     """Parameters of the hashed embedding."""
+    foreground: ForegroundConfig = field(default_factory=ForegroundConfig)
+    """What counts as an object for the model `objects`."""
+    tracking: TrackingConfig = field(default_factory=TrackingConfig)
+    """Which object is which from decision to decision."""
+    roles: RolesConfig = field(default_factory=RolesConfig)
+    """Which of them the agent is told of."""
 
 
 class Pipeline:
@@ -86,22 +95,44 @@ class Pipeline:
         self.view = view
         self.rom = rom or "a game without ROM"
         self.detector = OtsuDetector(config.detection)
+        self.foreground = ForegroundDetector(config.foreground)
         self.pca = ObjectPCA(config.pca)
         self.birch = Birch(config.birch)
         self.scenery = Scenery()
         self._kinds = Memo(self._classify, self.detector.crop_size_px**2, np.int32)  # the bits of a crop → its class
         self._kinds_learned: tuple[object, object] | None = None
+        self.roles = Roles(config.roles)
+        self.begin_episode()
         # Doc2vec needs an extra: do not ask for it where nothing is embedded.
         needs_doc2vec = view == "embedding" and config.embedding == "doc2vec"
         self.embedder: Embedder = Doc2VecEmbedding(config.doc2vec) if needs_doc2vec else HashedEmbedding(config.hashed)
+        self.shape: tuple[int, ...] = (IMAGE_SIZE_PX, IMAGE_SIZE_PX)
         if view == "ram":
-            self.shape: tuple[int, ...] = (len(ram_feature_names(self.rom)),)
-        else:
-            self.shape = (self.embedder.dimension,) if view == "embedding" else (IMAGE_SIZE_PX, IMAGE_SIZE_PX)
+            self.shape = (len(self.names),)
+        elif view == "objects":
+            self.shape = (self.roles.dimension,)
+        elif view == "embedding":
+            self.shape = (self.embedder.dimension,)
         self.dtype = np.dtype(np.uint8 if len(self.shape) == 2 else np.float32)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the numbers of a vector, where they have names; of slots, only those that are in use."""
+        if self.view == "ram":
+            return ram_feature_names(self.rom)
+        if self.view == "objects":
+            return tuple(f"slot {i} {name}" for i in range(len(self.roles.slots_)) for name in SLOT_NUMBERS)
+        return ()
+
+    def begin_episode(self) -> None:
+        """Forget the tracks of the episode before."""
+        self.tracks = no_tracks(self.config.pca.components)
 
     def encode(self, observation: Observation) -> NDArray[Any]:
         """Elevate one observation as far as the view goes.
+
+        Where objects are tracked, observations are expected in their order, each once, and `begin_episode`
+        before the first one of an episode.
 
         Returns
         -------
@@ -110,6 +141,9 @@ class Pipeline:
         if self.view == "ram":
             assert observation.ram is not None, "games with mapped RAM have RAM"
             return ram_features(self.rom, observation.ram)
+        if self.view == "objects":
+            self.follow(observation.frame)
+            return self.roles.transform(self.settle_roles())
         image = to_grey(observation.frame)
         if self.view == "grey":
             return image
@@ -131,6 +165,12 @@ class Pipeline:
             row[...] = self.encode(observation)
         return encoded
 
+    def detect(self, observation: Observation) -> Objects:
+        """Find the objects of an observation, in the way of the view."""
+        if self.view == "objects":
+            return self.foreground.detect(observation.frame)
+        return self.detector.detect(to_grey(observation.frame))
+
     def classes(self, objects: Objects) -> Ints:
         """Return the class number of each object (§3.2.2); what was seen before is remembered until more is learned."""
         if not len(objects):
@@ -145,6 +185,18 @@ class Pipeline:
 
     def _classify(self, crops: NDArray[np.int32]) -> Ints:
         return self.birch.predict(self.pca.transform(crops.view(np.float32)))
+
+    def follow(self, frame: Frame) -> Tracks:
+        """Move the tracks on by one frame."""
+        objects = self.foreground.detect(frame)
+        reduced = self.pca.transform(objects.features)
+        self.tracks = follow(self.tracks, objects, self.birch.predict(reduced), reduced, self.config.tracking)
+        return self.tracks
+
+    def settle_roles(self) -> Tracks:
+        """Give the tracks their roles."""
+        self.tracks = replace(self.tracks, roles=self.roles.predict(self.tracks))
+        return self.tracks
 
     def class_image(self, objects: Objects) -> Image:
         """Draw every object in the grey level of its class."""
@@ -164,19 +216,26 @@ class Pipeline:
         return np.flatnonzero(~self.scenery.is_still(classes))
 
     def to_arrays(self) -> Arrays:
-        """Return what every box has learned."""
-        return nest(
-            detector=self.detector.to_arrays(),
-            pca=self.pca.to_arrays(),
-            birch=self.birch.to_arrays(),
-            scenery=self.scenery.to_arrays(),
-            embedder=self.embedder.to_arrays(),
-        )
+        """Return what every box has learned, and the tracks of the episode."""
+        return nest(**{name: box.to_arrays() for name, box in self._boxes().items()}, **self._tracked())
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Take over what every box has learned."""
-        self.detector.from_arrays(unnest(arrays, "detector"))
-        self.pca.from_arrays(unnest(arrays, "pca"))
-        self.birch.from_arrays(unnest(arrays, "birch"))
-        self.scenery.from_arrays(unnest(arrays, "scenery"))
-        self.embedder.from_arrays(unnest(arrays, "embedder"))
+        for name, box in self._boxes().items():
+            box.from_arrays(unnest(arrays, name))
+        if self.view == "objects":
+            self.tracks = Tracks(**unnest(arrays, "tracks"))
+
+    def _boxes(self) -> dict[str, Persistent]:
+        """Return what learns, by name."""
+        boxes: dict[str, Persistent] = {
+            "detector": self.detector,
+            "pca": self.pca,
+            "birch": self.birch,
+            "scenery": self.scenery,
+            "embedder": self.embedder,
+        }
+        return boxes | ({"foreground": self.foreground, "roles": self.roles} if self.view == "objects" else {})
+
+    def _tracked(self) -> dict[str, Arrays]:
+        return {"tracks": asdict(self.tracks)} if self.view == "objects" else {}

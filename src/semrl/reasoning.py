@@ -224,5 +224,5 @@ class Reasoner:
 
 def _make_world(config: ReasoningConfig, dimension: int, n_actions: int, seed: int) -> WorldModel:
     if config.world == "trees":
-        return TreeWorld(config.trees, dimension, seed=seed)
+        return TreeWorld(config.trees, dimension, discount=config.discount, seed=seed)
     return ModelPair(config.models, dimension, n_actions, seed=seed)

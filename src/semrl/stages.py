@@ -1,6 +1,7 @@
 """What perception learns before the agent, one stage after the other (§3.2.3).
 
     threshold → PCA until stable → Birch until stable → scenery → documents of the embedding
+    background → PCA until stable → Birch until stable → roles, where objects are tracked
 
 Actions are random meanwhile: the agent cannot see yet, and chance explores.
 """
@@ -16,7 +17,7 @@ from semrl.embedding import build_scene_graph
 from semrl.pipeline import Pipeline, View
 from semrl.stability import StabilityConfig, StabilityTest, label_agreement, mean_absolute_difference
 from semrl.state import to_grey
-from semrl.types import Image, Observation, SceneGraph
+from semrl.types import Observation, SceneGraph
 
 
 class Stage(ABC):
@@ -42,13 +43,13 @@ class Stage(ABC):
         self.pipeline = pipeline
         self.batches_ = 0
 
-    def learn(self, image: Image) -> bool:
-        """Learn from one grey image; return whether the stage is complete."""
+    def learn(self, observation: Observation, action: int | None) -> bool:
+        """Learn from one observation and the action that led there; return whether the stage is complete."""
         self.batches_ += 1
-        return self._learn(image)
+        return self._learn(observation, action)
 
     @abstractmethod
-    def _learn(self, image: Image) -> bool: ...
+    def _learn(self, observation: Observation, action: int | None) -> bool: ...
 
     def measured(self) -> dict[str, Any]:
         """Return what there is to tell after the last batch: columns of the metrics."""
@@ -72,8 +73,21 @@ class ThresholdStage(Stage):
         super().__init__(pipeline)
         self.goal = pipeline.config.detection.threshold_frames
 
-    def _learn(self, image: Image) -> bool:
-        return self.pipeline.detector.partial_fit(image).is_fitted
+    def _learn(self, observation: Observation, _action: int | None) -> bool:
+        return self.pipeline.detector.partial_fit(to_grey(observation.frame)).is_fitted
+
+
+class BackgroundStage(Stage):
+    """Find what a frame looks like without anything that moves."""
+
+    name = "background"
+
+    def __init__(self, pipeline: Pipeline) -> None:
+        super().__init__(pipeline)
+        self.goal = pipeline.config.foreground.background_frames
+
+    def _learn(self, observation: Observation, _action: int | None) -> bool:
+        return self.pipeline.foreground.partial_fit(observation.frame).is_fitted
 
 
 class _StableStage(Stage):
@@ -114,8 +128,8 @@ class PCAStage(_StableStage):
         )
         super().__init__(pipeline, test, config.max_batches)
 
-    def _learn(self, image: Image) -> bool:
-        objects = self.pipeline.detector.detect(image)
+    def _learn(self, observation: Observation, _action: int | None) -> bool:
+        objects = self.pipeline.detect(observation)
         pca = self.pipeline.pca
         if len(objects):
             pca.partial_fit(objects.features)
@@ -137,8 +151,8 @@ class BirchStage(_StableStage):
         )
         super().__init__(pipeline, test, config.max_batches)
 
-    def _learn(self, image: Image) -> bool:
-        objects = self.pipeline.detector.detect(image)
+    def _learn(self, observation: Observation, _action: int | None) -> bool:
+        objects = self.pipeline.detect(observation)
         stable = False
         if len(objects):
             reduced = self.pipeline.pca.transform(objects.features)
@@ -160,10 +174,26 @@ class SceneryStage(Stage):
         super().__init__(pipeline)
         self.goal = pipeline.config.scene.scenery_frames
 
-    def _learn(self, image: Image) -> bool:
-        objects = self.pipeline.detector.detect(image)
+    def _learn(self, observation: Observation, _action: int | None) -> bool:
+        objects = self.pipeline.detect(observation)
         self.pipeline.scenery.partial_fit(self.pipeline.classes(objects), objects.centres_px)
         return self.batches_ >= self.goal
+
+
+class RolesStage(Stage):
+    """Follow objects and see which of them move, and by what."""
+
+    name = "roles"
+
+    def __init__(self, pipeline: Pipeline) -> None:
+        super().__init__(pipeline)
+        self.goal = pipeline.config.roles.frames
+
+    def _learn(self, observation: Observation, action: int | None) -> bool:
+        tracks = self.pipeline.follow(observation.frame)
+        self.pipeline.roles.partial_fit(tracks, action)
+        self.pipeline.settle_roles()
+        return self.pipeline.roles.is_fitted
 
 
 class DocumentsStage(Stage):
@@ -177,8 +207,8 @@ class DocumentsStage(Stage):
         self.goal = pipeline.embedder.documents_needed
         self.scenes_: list[SceneGraph] = []
 
-    def _learn(self, image: Image) -> bool:
-        self.scenes_.append(self.pipeline.scene(image))
+    def _learn(self, observation: Observation, _action: int | None) -> bool:
+        self.scenes_.append(self.pipeline.scene(to_grey(observation.frame)))
         if len(self.scenes_) < self.goal:
             return False
         self.pipeline.embedder.fit(self.scenes_)
@@ -218,10 +248,10 @@ class Schooling:
         """The stage that is being learned; None when perception is ready."""
         return self.stages[self._position] if self._position < len(self.stages) else None
 
-    def learn(self, observation: Observation) -> Stage:
-        """Learn from one observation; return the stage that did."""
+    def learn(self, observation: Observation, action: int | None = None) -> Stage:
+        """Learn from one observation and the action that led there, if any; return the stage that did."""
         stage = self.stages[self._position]
-        if stage.learn(to_grey(observation.frame)):
+        if stage.learn(observation, action):
             self._position += 1
         return stage
 
@@ -240,9 +270,11 @@ class Schooling:
 def _stages(pipeline: Pipeline, view: View, config: StabilityConfig) -> list[Stage]:
     if view in ("grey", "ram"):
         return []
-    stages: list[Stage] = [ThresholdStage(pipeline)]
-    if view in ("classes", "embedding"):
+    stages: list[Stage] = [BackgroundStage(pipeline) if view == "objects" else ThresholdStage(pipeline)]
+    if view in ("classes", "embedding", "objects"):
         stages += [PCAStage(pipeline, config), BirchStage(pipeline, config)]
+    if view == "objects":
+        stages.append(RolesStage(pipeline))
     if view == "embedding" and pipeline.config.scene.omit_scenery:
         stages.append(SceneryStage(pipeline))
     if view == "embedding" and pipeline.embedder.documents_needed:

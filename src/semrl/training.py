@@ -139,6 +139,7 @@ class Trainer:
 
     def _begin(self) -> "_Episode":
         observation = self.game.reset()
+        self.pipeline.begin_episode()
         seen = None if self.perceiving else self._see(observation)
         planned = self.reasoner is not None and self.reasoner.leads(self.episodes_)
         return _Episode(observation, None if seen is None else np.stack([seen, seen]), planned=planned)
@@ -154,8 +155,9 @@ class Trainer:
 
     def _perceive(self, episode: "_Episode") -> None:
         """Show perception one frame and act at random."""
-        stage = self.schooling.learn(episode.observation)
-        outcome = self.game.step(int(self._rng.integers(self.game.n_actions)))
+        stage = self.schooling.learn(episode.observation, episode.action)
+        episode.action = int(self._rng.integers(self.game.n_actions))
+        outcome = self.game.step(episode.action)
         self.decisions_ += 1
         episode.observation = outcome.observation
         if outcome.done or not self.perceiving:  # the agent begins with an episode of its own
@@ -211,6 +213,7 @@ class _Episode:
         self.observation = observation
         self.planned = planned  # whether the planner plays
         self.state = state  # (2, *shape): what the agent is shown now and was shown before
+        self.action: int | None = None  # while perception learns, the one that led here
         self.total = 0.0
         self.length = 0
 
@@ -225,8 +228,9 @@ class _Episode:
     def to_arrays(self) -> Arrays:
         """Return everything but the observation, which the game keeps."""
         state = {} if self.state is None else {"state": self.state}
+        action = {} if self.action is None else {"action": np.array(self.action)}
         own = {"total": np.array(self.total), "length": np.array(self.length), "planned": np.array(self.planned)}
-        return own | state
+        return own | state | action
 
     @classmethod
     def from_arrays(cls, observation: Observation, arrays: Arrays) -> Self:
@@ -234,4 +238,5 @@ class _Episode:
         episode = cls(observation, arrays.get("state"), planned=bool(arrays["planned"]))
         episode.total = float(arrays["total"])
         episode.length = int(arrays["length"])
+        episode.action = int(arrays["action"]) if "action" in arrays else None
         return episode

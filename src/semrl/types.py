@@ -59,7 +59,8 @@ class Objects:
     crops
         ``(n, 8, 8)`` float32 in 0 … 1: each object centred in a window of its own, background 0.
     centres_px
-        ``(n, 2)`` float32, row and column of the centre of the bounding box.
+        ``(n, 2)`` float32, row and column of the centre of the bounding box (where they are found at full
+        resolution: the mean of the pixels).
     boxes_px
         ``(n, 4)`` int64: top, left, height, width.
     labels
@@ -78,6 +79,58 @@ class Objects:
     def features(self) -> Floats:
         """The crops as rows, ``(n, 64)``."""
         return self.crops.reshape(len(self.crops), math.prod(self.crops.shape[1:]))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Tracks:
+    """Objects through time, as of one decision: those that are seen and those that were seen shortly before.
+
+    Attributes
+    ----------
+    ids
+        ``(n,)`` int64, ascending: the identity of each, never given twice in an episode.
+    classes
+        ``(n,)`` int64, class number when last seen.
+    features
+        ``(n, k)`` float32, reduced appearance when last seen.
+    centres_px
+        ``(n, 2)`` float32, row and column; of what is not seen, where it would be if it went on.
+    boxes_px
+        ``(n, 4)`` int64: top, left, height, width when last seen.
+    velocities_px
+        ``(n, 2)`` float32, rows and columns a decision.
+    ages
+        ``(n,)`` int64, decisions since it was first seen.
+    unseen
+        ``(n,)`` int64, decisions since it was last seen; 0 for what is seen.
+    moves
+        ``(n,)`` int64, decisions at which it was seen in another place than before.
+    roles
+        ``(n,)`` int64, the role that each has (`semrl.tracking.Roles`); −1 for none.
+    born
+        ``()`` int64, how many there were so far in the episode: the next identity.
+    """
+
+    ids: Ints
+    classes: Ints
+    features: Floats
+    centres_px: Floats
+    boxes_px: Ints
+    velocities_px: Floats
+    ages: Ints
+    unseen: Ints
+    moves: Ints
+    roles: Ints
+    born: Ints
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    @property
+    def visible(self) -> NDArray[np.bool_]:
+        """Whether each is seen, ``(n,)``."""
+        seen: NDArray[np.bool_] = self.unseen == 0
+        return seen
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -265,11 +318,14 @@ class Scenarios:
         ``(s, t, d)`` float32, the state that each action is predicted to lead to.
     rewards
         ``(s, t)`` float32, the predicted sign of each action's reward; where several models are asked, their mean.
+    values
+        ``(s,)`` float32, the discounted return that is expected beyond the last state; 0 where none is.
     """
 
     actions: Ints
     states: Floats
     rewards: Floats
+    values: Floats
 
     def __len__(self) -> int:
         return len(self.actions)

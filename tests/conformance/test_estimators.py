@@ -21,13 +21,15 @@ import semrl.detection
 import semrl.embedding
 import semrl.ontology
 import semrl.reduction
+import semrl.tracking
 from semrl.arrays import digest
 from semrl.embedding import build_scene_graph
 from semrl.errors import DataError, SemrlError
 from semrl.protocols import Persistent
-from semrl.types import Trajectory
+from semrl.tracking import TrackingConfig, follow, no_tracks
+from semrl.types import Objects, Trajectory
 
-PACKAGES = [semrl.detection, semrl.reduction, semrl.clustering, semrl.embedding, semrl.ontology]
+PACKAGES = [semrl.detection, semrl.reduction, semrl.clustering, semrl.tracking, semrl.embedding, semrl.ontology]
 ANSWERS = ("detect", "predict", "transform", "locate")
 DIMENSION, N_ACTIONS = 4, 3
 
@@ -45,6 +47,11 @@ def discover():
 def is_estimator(cls):
     can_learn = hasattr(cls, "partial_fit") or hasattr(cls, "fit")
     return can_learn and any(hasattr(cls, name) for name in ANSWERS) and not cls.__name__.startswith("_")
+
+
+def follows(cls):
+    """Whether it learns from tracks."""
+    return cls.__module__.startswith("semrl.tracking")
 
 
 def knows_actions(cls):
@@ -69,7 +76,7 @@ each_that_takes_rows = checked(
     [
         name
         for name, cls in ESTIMATORS.items()
-        if hasattr(cls, "partial_fit") and not hasattr(cls, "detect") and not knows_actions(cls)
+        if hasattr(cls, "partial_fit") and not hasattr(cls, "detect") and not knows_actions(cls) and not follows(cls)
     ]
 )
 
@@ -113,8 +120,24 @@ def episodes(seed):
         yield Trajectory(states=states.astype(np.float32), actions=actions, rewards=rewards.astype(np.float32))
 
 
+def tracks(seed):
+    """Five objects in 60 frames: some stand still, some walk."""
+    rng = np.random.default_rng(seed)
+    places, steps = rng.uniform(10, 70, size=(5, 2)), rng.normal(size=(5, 2)) * [[0], [0], [1], [2], [3]]
+    features, followed = np.eye(5, dtype=np.float32), no_tracks(5)
+    for _ in range(60):
+        places = np.abs(places + steps) % 84
+        boxes = np.column_stack([places.astype(np.int64), np.full((5, 2), 3)])
+        crops, labels = np.zeros((5, 8, 8), np.float32), np.zeros((84, 84), np.int32)
+        seen = Objects(crops=crops, centres_px=places.astype(np.float32), boxes_px=boxes, labels=labels)
+        followed = follow(followed, seen, np.arange(5), features, TrackingConfig())
+        yield followed
+
+
 def batches(cls, seed=0):
     """What one call of learning takes, several times."""
+    if follows(cls):
+        return list(tracks(seed))
     if knows_actions(cls):
         return [e if hasattr(cls, "locate") else e.transitions for e in episodes(seed)]
     if hasattr(cls, "detect"):
@@ -183,6 +206,7 @@ def documented_fields(config_class):
 
 def test_all_estimators_are_found():
     assert {"OtsuDetector", "ObjectPCA", "Birch", "CFTree", "Doc2VecEmbedding", "HashedEmbedding"} <= set(ESTIMATORS)
+    assert {"ForegroundDetector", "Roles"} <= set(ESTIMATORS)
     assert {"StateMap", "NextStateNetwork", "RewardSVM", "RewardNetwork"} <= set(ESTIMATORS)
 
 

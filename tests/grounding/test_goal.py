@@ -24,6 +24,7 @@ def a_plan():
             actions=np.array([[2, 0, 1], [1, 1, 1]]),
             states=np.arange(12, dtype=np.float32).reshape(2, 3, 2),
             rewards=np.zeros((2, 3), np.float32),
+            values=np.zeros(2, np.float32),
         ),
         returns=np.array([1.75, -1.0]),
         end_nodes=nowhere,

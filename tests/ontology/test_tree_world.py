@@ -89,6 +89,23 @@ def test_scenarios_stand_still_after_a_reward(world):
     assert (told.states[0, 1:] == told.states[0, 0]).all()
 
 
+def test_what_is_expected_beyond_is_the_return_that_came():
+    lived = [rally(3000, seed) for seed in range(4)]
+    made = TreeWorld(dataclasses.replace(CONFIG, members=3), 3, discount=0.9)
+    for episode in lived:
+        made.partial_fit(episode)
+    test, told, came = rally(1500, seed=9), [], []
+    for t in range(10, 1400):
+        scenario = made.imagine(moment_of(test, t), test.actions[None, t : t + 2])
+        if not test.rewards[t : t + 2].any() and not scenario.rewards.any():
+            told.append(scenario.values[0])
+            came.append((test.rewards[t + 2 :] * 0.9 ** np.arange(len(test) - t - 2)).sum())
+    assert np.corrcoef(told, came)[0, 1] > 0.7 and abs(np.mean(told) - np.mean(came)) < 0.05
+    none = TreeWorld(dataclasses.replace(CONFIG, value_leaf_decisions=0), 3, discount=0.9)
+    none.partial_fit(lived[0])
+    assert not none.imagine(moment_of(test, 9), np.zeros((4, 5), np.int64)).values.any()
+
+
 def test_it_learns_while_the_episode_goes_on():
     made, episode = TreeWorld(CONFIG, 3), rally(200)
     for t in (30, 60, 70):
@@ -110,6 +127,8 @@ def test_before_and_after_an_end_are_not_mixed_up():
         changes = np.diff(episode.states, axis=0)
         np.testing.assert_array_equal(wanted[40 * i : 40 * (i + 1), :3], changes)
         assert not rows[40 * i, 6:15].any()  # nothing moved before
+    returns = np.concatenate([np.cumsum(episode.rewards[::-1])[::-1] for episode in lived])
+    np.testing.assert_allclose(wanted[:, 4], returns)
 
 
 @pytest.mark.parametrize("saved_after", [0, 1, 3])
@@ -145,6 +164,7 @@ def test_states_too_long_for_trees_are_refused():
     [
         {"members": 0}, {"leaf_decisions": 0}, {"capacity": 0}, {"first_decisions": 0}, {"new_decisions": 0},
         {"past_states": 1}, {"past_actions": -1}, {"resolution": 0.0}, {"new_share": -0.1},
+        {"value_leaf_decisions": -1},
     ],
 )  # fmt: skip
 def test_bad_parameters_are_refused(values):

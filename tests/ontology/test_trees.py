@@ -5,15 +5,16 @@ import pytest
 from sklearn.tree import DecisionTreeRegressor
 
 from semrl.ontology.cart import MAX_BINS, bins_of
-from semrl.ontology.trees import Forests, lay_out
+from semrl.ontology.trees import Forests, action_column, lay_out
 
 
 def wholes(n, d, seed=0, most=30):
     return np.random.default_rng(seed).integers(0, most, size=(n, d)).astype(np.float32)
 
 
-def fitted(rows, wanted, members=1, leaf_rows=3, seed=0):
-    return Forests(members, leaf_rows).fit(rows, wanted, np.random.default_rng(seed))
+def fitted(rows, wanted, *, members=1, leaf_rows=3, seed=0, unseen=None):
+    leaves = [leaf_rows] * wanted.shape[1]
+    return Forests(members).fit(rows, wanted, np.random.default_rng(seed), leaf_rows=leaves, unseen=unseen)
 
 
 def test_it_is_the_trees_of_scikit_learn():
@@ -75,15 +76,26 @@ def test_numbers_are_seen_in_relation_to_each_other():
     assert row.tolist() == [[*now, *ahead, *changes, 5 - 2, 6 - 1, 1, 1, 0]] and row.dtype == np.float32
 
 
+def test_the_last_tree_may_be_kept_from_looking_at_a_column():
+    rows = wholes(500, 2)
+    wanted = np.column_stack([rows[:, 0] > 9, rows[:, 0] > 9]).astype(float)
+    told = fitted(rows, wanted, unseen=0)(rows)[0]
+    np.testing.assert_array_equal(told[:, 0], wanted[:, 0])
+    assert np.corrcoef(told[:, 1], wanted[:, 1])[0, 1] < 0.5
+
+
 def test_rolled_forward_each_forest_goes_its_own_way_until_a_reward():
-    """A glider is pushed by the action; it is paid at 6 and beyond."""
+    """A glider is pushed by the action; it is paid at 6 and beyond, and where it is may be worth something."""
     rng = np.random.default_rng(0)
     before, now, actions = rng.integers(-9, 9, 4000), rng.integers(-9, 9, 4000), rng.integers(2, size=4000)
     windows = np.stack([now, before], axis=1)[:, :, None].astype(np.float32)
     rows = lay_out(windows, np.zeros((4000, 0), np.int64), actions)
     moved = now - before + 2 * actions - 1
-    forests = fitted(rows, np.column_stack([moved, now + moved >= 6]).astype(float), members=2, leaf_rows=1)
+    wanted = np.column_stack([moved, now + moved >= 6, now / 10])
+    forests = fitted(rows, wanted, members=2, leaf_rows=1, unseen=action_column(1, 2))
     sequences = np.array([[1, 1, 1, 1], [0, 0, 0, 0], [1, 0, 1, 0]])
-    states, rewards = forests.roll(np.zeros((2, 1), np.float32), np.zeros(0, np.float32), sequences)
+    states, rewards, values = forests.roll(np.zeros((2, 1), np.float32), np.zeros(0, np.float32), sequences)
     assert states[:, :, 0].round(3).tolist() == [[1, 3, 6, 6], [-1, -3, -6, -10], [1, 1, 2, 2]]
     assert rewards.tolist() == [[[0, 0, 1, 0], [0, 0, 0, 0], [0, 0, 0, 0]]] * 2
+    np.testing.assert_allclose(values, [[0, -0.9, 0.2]] * 2, atol=1e-3)  # −9 is the least that was seen
+    assert rows[:, action_column(1, 2)].tolist() == actions.tolist()

@@ -32,7 +32,7 @@ class LineMap:
         return np.abs(states[:, :1] - self.graph_.node_means.T).argmin(axis=1)
 
 
-def ranked(ends, rewards=None, *, start=0.0, line=None, discount=1.0):
+def ranked(ends, rewards=None, *, values=None, start=0.0, line=None, discount=1.0):
     """Rank scenarios that end somewhere; each is known by its action, its number."""
     line = line or LineMap()
     ends = np.array(ends, np.float32)[:, None]
@@ -41,6 +41,7 @@ def ranked(ends, rewards=None, *, start=0.0, line=None, discount=1.0):
         actions=np.repeat(np.arange(len(ends))[:, None], rewards.shape[1], axis=1),
         states=np.repeat(ends[:, None], rewards.shape[1], axis=1),
         rewards=rewards,
+        values=np.zeros(len(ends)) if values is None else np.array(values),
     )
     routes = plan_routes(line.graph_, LongTermConfig())
     return rank(scenarios, np.array([[start]], np.float32), ends, line, routes, discount=discount)
@@ -55,6 +56,12 @@ def test_reward_comes_first():
     assert order(plan) == [2, 1, 0, 3]
     assert plan.returns.tolist() == [2, 1, 0, -1]
     assert plan.actions.tolist() == [2, 2]
+
+
+def test_what_is_expected_beyond_counts_as_much_as_its_distance_lets_it():
+    plan = ranked([0, 0, 0], [[0, 0], [0, 1], [1, 0]], values=[3, 0, 0], discount=0.5)
+    assert order(plan) == [2, 0, 1] and plan.returns.tolist() == [1, 0.75, 0.5]
+    assert plan.scenarios.values.tolist() == [0, 3, 0]
 
 
 def test_then_the_furthest_node_on_the_path():
@@ -158,7 +165,9 @@ def test_without_a_path_a_scenario_that_ends_near_a_centroid_is_better():
 def test_nothing_given_is_changed():
     line = LineMap()
     ends, rewards = np.array([[2.0], [3.0]], np.float32), np.array([[0], [1]])
-    scenarios = Scenarios(actions=np.array([[0], [1]]), states=ends[:, None].copy(), rewards=rewards)
+    scenarios = Scenarios(
+        actions=np.array([[0], [1]]), states=ends[:, None].copy(), rewards=rewards, values=np.zeros(2)
+    )
     kept = [array.copy() for array in (scenarios.actions, scenarios.states, scenarios.rewards)]
     plan = rank(scenarios, ends[:1], ends, line, plan_routes(line.graph_, LongTermConfig()))
     plan.scenarios.states[:] = 9

@@ -15,7 +15,7 @@ def a_plan(returns, progress, ends, *, rewards=None, path=7):
     return Plan(
         node=0,
         path=np.arange(path),
-        scenarios=Scenarios(actions=np.zeros((n, 2), np.int64), states=states, rewards=rewards),
+        scenarios=Scenarios(actions=np.zeros((n, 2), np.int64), states=states, rewards=rewards, values=np.zeros(n)),
         returns=np.array(returns, np.float64),
         end_nodes=np.zeros(n, np.int64),
         progress=np.array(progress),

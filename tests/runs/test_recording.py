@@ -11,7 +11,7 @@ from semrl.errors import UsageError
 from semrl.pipeline import Pipeline, PipelineConfig
 from semrl.runs import gallery, recording, sight, train
 from semrl.runs.config import from_dict
-from semrl.runs.evaluation import Step
+from semrl.runs.evaluation import Step, load_player
 from semrl.runs.files import read_arrays
 from semrl.runs.sight import CLASS_COLOURS
 from semrl.state import to_grey
@@ -164,3 +164,17 @@ def test_the_command_makes_gallery_and_page(run, capsys):
     assert '"report"' in capsys.readouterr().out
     assert (run / "gallery.npz").exists()
     assert "Kinds of objects" in (run / "report.html").read_text()
+
+
+def test_slots_are_drawn_with_their_identities(objects_run):
+    player, pipeline = load_player(objects_run), load_player(objects_run).pipeline
+    pipeline.begin_episode()
+    for i, step in enumerate(player.episode(0, 0)):
+        seen = sight.look(pipeline, step.observation)
+        np.testing.assert_array_equal(seen.seen, step.state[0][: len(pipeline.names)])
+        assert len(seen.names) == len(seen.boxes_px) == len(seen.classes) <= len(pipeline.roles.slots_)
+        if i > 8:
+            break
+    assert seen.names and all(name.startswith("slot ") for name in seen.names)
+    picture = recording.compose(pipeline, step, i + 1)
+    assert picture.dtype == np.uint8 and picture.shape[0] % 2 == picture.shape[1] % 2 == 0

@@ -56,9 +56,20 @@ class Rows:
         ("semantic", DOC2VEC, {"threshold", "pca", "birch", "scenery", "documents", "agent"}),
         ("semantic-map", REHEARSAL, {"threshold", "pca", "birch", "scenery", "agent"}),
         ("semantic-map", THESIS_MODELS, {"threshold", "pca", "birch", "scenery", "agent"}),
+        ("objects", RICH_AGENT, {"background", "pca", "birch", "roles", "agent"}),
         ("ram", RICH_AGENT, {"agent"}),
     ],
-    ids=["baseline", "otsu", "birch", "semantic", "semantic-doc2vec", "semantic-map", "semantic-map-svm", "ram"],
+    ids=[
+        "baseline",
+        "otsu",
+        "birch",
+        "semantic",
+        "semantic-doc2vec",
+        "semantic-map",
+        "semantic-map-svm",
+        "objects",
+        "ram",
+    ],
 )
 def test_state_moved_through_files_goes_on_bit_for_bit(tmp_path, tiny, model, changes, phases):
     """Every few decisions a fresh trainer takes over what the one before has written."""

@@ -37,7 +37,7 @@ def bins_of(rows: Floats) -> tuple[NDArray[np.uint16], list[Floats]]:
 
 def grow_tree(
     places: NDArray[np.uint16], cuts: list[Floats], wanted: NDArray[np.float64], drawn: Ints, leaf_rows: int
-) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+) -> tuple[NDArray[np.int32], Floats, Floats]:
     """Grow one tree that predicts a number, by the squared error.
 
     Parameters
@@ -54,34 +54,36 @@ def grow_tree(
     Returns
     -------
     tuple
-        ``(m, 2)`` column and left child of each node, both −1 in leaves (the right child comes after the left), and
-        ``(m, 2)`` cut, at and below which it goes left, and mean.
+        ``(m, 2)`` column and left child of each node, both −1 in leaves (the right child comes after the left);
+        ``(m, 2)`` cut, at and below which it goes left, and mean; ``(m, 2)`` number of rows and mean squared error.
     """
     widths = np.array([len(column) + 1 for column in cuts], np.int64)
-    nodes, chosen, means = _grow(places, widths, wanted, drawn, leaf_rows)
+    nodes, chosen, told = _grow(places, widths, wanted, drawn, leaf_rows)
     inner = np.flatnonzero(nodes[:, 0] >= 0)
     numbers = np.zeros((len(nodes), 2), np.float32)
     numbers[inner, 0] = [cuts[column][cut] for column, cut in zip(nodes[inner, 0], chosen[inner], strict=True)]
-    numbers[:, 1] = means
-    return nodes, numbers
+    numbers[:, 1] = told[:, 0]
+    return nodes, numbers, told[:, 1:].astype(np.float32)
 
 
 @numba.njit(cache=True)
 def _grow(
     places: NDArray[np.uint16], widths: Ints, wanted: NDArray[np.float64], drawn: Ints, leaf_rows: int
 ) -> tuple[NDArray[np.int32], Ints, NDArray[np.float64]]:
+    """Return column and left child, bin after which to cut, and mean, rows and mean squared error of each node."""
     rows = drawn.copy()
     most = 2 * (len(rows) // leaf_rows) + 1
     nodes = np.full((most, 2), -1, np.int32)
-    chosen, means = np.zeros(most, np.int64), np.zeros(most)
+    chosen, told = np.zeros(most, np.int64), np.zeros((most, 3))
     spans = np.zeros((most, 2), np.int64)  # which of the rows belong to a node
     spans[0, 1] = len(rows)
     size, node = 1, 0
     while node < size:
         mine = rows[spans[node, 0] : spans[node, 1]]
-        means[node], alike = _mean(mine, wanted)
+        told[node, 0], told[node, 2] = _moments(mine, wanted)
+        told[node, 1] = len(mine)
         column, cut = -1, -1
-        if not alike and len(mine) >= 2 * leaf_rows:
+        if told[node, 2] > 0 and len(mine) >= 2 * leaf_rows:
             column, cut = _best_cut(mine, places, widths, wanted, leaf_rows)
         if column >= 0:
             middle = spans[node, 0] + _part(mine, places[column], cut)
@@ -91,18 +93,19 @@ def _grow(
             spans[size + 1] = middle, spans[node, 1]
             size += 2
         node += 1
-    return nodes[:size].copy(), chosen[:size].copy(), means[:size].copy()
+    return nodes[:size].copy(), chosen[:size].copy(), told[:size].copy()
 
 
 @numba.njit(cache=True)
-def _mean(mine: Ints, wanted: NDArray[np.float64]) -> tuple[float, bool]:
-    """Return the mean of what is wanted, and whether it is the same for all rows."""
+def _moments(mine: Ints, wanted: NDArray[np.float64]) -> tuple[float, float]:
+    """Return mean and mean squared error of what is wanted; the latter is exactly 0 when it is the same for all."""
     total = 0.0
-    least = most = wanted[mine[0]]
     for row in mine:
-        total += wanted[row]
-        least, most = min(least, wanted[row]), max(most, wanted[row])
-    return total / len(mine), least == most
+        total += wanted[row] - wanted[mine[0]]
+    shift, squares = total / len(mine), 0.0
+    for row in mine:
+        squares += (wanted[row] - wanted[mine[0]] - shift) ** 2
+    return wanted[mine[0]] + shift, squares / len(mine)
 
 
 @numba.njit(cache=True)

@@ -1,5 +1,6 @@
 """What the lower line remembers: the episode that is going on, and past ones."""
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +11,16 @@ REWARD_WINDOW = 16
 """Decisions before a reward that count as having led to it."""
 
 _END = -1  # stands for the action after the last state of an episode
+
+
+@numba.njit(cache=True)
+def discounted(rewards: Floats, ends: NDArray[np.bool_], discount: float) -> Floats:
+    """Return the discounted sums of rewards, ``(n,)``, from each place to the next end."""
+    returns, total = np.empty(len(rewards), np.float32), 0.0
+    for i in range(len(rewards) - 1, -1, -1):
+        total = 0.0 if ends[i] else rewards[i] + discount * total
+        returns[i] = total
+    return returns
 
 
 class EpisodeRecord:
@@ -154,6 +165,13 @@ class Experience:
             self._rewards[places],
             self._states[places + 1],
         )
+
+    def returns(self, discount: float) -> Floats:
+        """Return the discounted signs of the rewards from every decision to the end of its episode, ``(n,)``."""
+        ends = self._actions == _END
+        returns = discounted(np.sign(self._rewards), ends, discount)
+        kept: Floats = returns[~ends]
+        return kept
 
     def to_arrays(self) -> Arrays:
         """Return all that is remembered."""

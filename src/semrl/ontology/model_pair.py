@@ -135,4 +135,6 @@ def roll_forward(
         states[:, t + 2] = dynamics.predict(states[:, t + 1], states[:, t], sequences[:, t])
     now, before = (part.reshape(n * length, len(state)) for part in (states[:, 1:-1], states[:, :-2]))
     rewards = reward.predict(now, before, sequences.ravel()).reshape(n, length)
-    return Scenarios(actions=sequences, states=states[:, 2:], rewards=rewards.astype(np.float32))
+    return Scenarios(
+        actions=sequences, states=states[:, 2:], rewards=rewards.astype(np.float32), values=np.zeros(n, np.float32)
+    )

@@ -1,5 +1,6 @@
 """A model of the world made of trees, learned while the game goes on (§3.4.3)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,11 +9,14 @@ from numpy.typing import NDArray
 from semrl.arrays import Arrays, nest, unnest
 from semrl.errors import UsageError
 from semrl.ontology.experience import Experience
-from semrl.ontology.trees import Forests, lay_out
+from semrl.ontology.rules import Rule, feature_names, read_rules
+from semrl.ontology.trees import Forests, action_column, lay_out
 from semrl.types import Floats, Ints, Moment, Scenarios, Trajectory
 
 MAX_DIMENSION = 32
 """Longest state that trees are fitted to; they look at all pairs of numbers."""
+REWARD, RETURN = "the reward", "the return"
+"""What rules call them."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -29,8 +33,10 @@ class TreesConfig:
     """Least difference between two states that means anything; RAM features are bytes divided by 255."""
     leaf_decisions: int = 2
     """Fewest decisions in a leaf."""
+    value_leaf_decisions: int = 20
+    """The same for the return expected beyond a scenario, which is learned from those that came; 0: none is."""
     capacity: int = 100_000
-    """Decisions remembered."""
+    """Decisions remembered, the oldest episodes first to go."""
     first_decisions: int = 1_000
     """Decisions before trees are grown for the first time."""
     new_decisions: int = 300
@@ -44,8 +50,10 @@ class TreesConfig:
                 raise UsageError(f"trees.{name} must be 1 or more, not {getattr(self, name)}")
         if self.past_states < 2 or self.past_actions < 0:
             raise UsageError("trees.past_states must be 2 or more and trees.past_actions 0 or more")
-        if not (self.resolution > 0 and self.new_share >= 0):
-            raise UsageError("trees.resolution must be above 0 and trees.new_share 0 or more")
+        if not (self.resolution > 0 and min(self.new_share, self.value_leaf_decisions) >= 0):
+            raise UsageError(
+                "trees.resolution must be above 0, trees.new_share and trees.value_leaf_decisions 0 or more"
+            )
 
 
 class TreeWorld:
@@ -57,6 +65,8 @@ class TreeWorld:
         See `TreesConfig`.
     dimension
         Length of a state, at most 32.
+    discount
+        What a reward counts one decision later.
     seed
         Of the draws that the forests are grown from.
 
@@ -66,16 +76,17 @@ class TreeWorld:
         When states are too long for trees.
     """
 
-    def __init__(self, config: TreesConfig, dimension: int, *, seed: int = 0) -> None:
+    def __init__(self, config: TreesConfig, dimension: int, *, discount: float = 1.0, seed: int = 0) -> None:
         if dimension > MAX_DIMENSION:
             raise UsageError(
                 f"trees learn from states of at most {MAX_DIMENSION} numbers, not {dimension}; "
                 "use reasoning.world = 'models'"
             )
         self.config = config
+        self.discount = discount
         self.seed = seed
         self.experience = Experience(config.capacity, dimension)
-        self.forests = Forests(config.members, config.leaf_decisions)
+        self.forests = Forests(config.members)
         self.seen_ = 0
         self.grown_ = 0
 
@@ -98,11 +109,32 @@ class TreeWorld:
             self._grow_if_due(self.experience.joined(so_far), seen)
 
     def imagine(self, moment: Moment, sequences: Ints) -> Scenarios:
-        """Roll ``(s, t)`` sequences of actions forward from a moment; rewards are the mean over the forests."""
+        """Roll ``(s, t)`` sequences of actions forward from a moment; rewards and values are the forests' mean."""
         unit, c = np.float32(self.config.resolution), self.config
         states = np.rint(moment.window(c.past_states) / unit)
-        foreseen, rewards = self.forests.roll(states, moment.recent(c.past_actions), sequences)
-        return Scenarios(actions=sequences, states=foreseen * unit, rewards=rewards.mean(axis=0))
+        foreseen, rewards, values = self.forests.roll(states, moment.recent(c.past_actions), sequences)
+        return Scenarios(
+            actions=sequences, states=foreseen * unit, rewards=rewards.mean(axis=0), values=values.mean(axis=0)
+        )
+
+    def rules(self, names: Sequence[str], actions: Sequence[str], *, most: int = 8) -> list[Rule]:
+        """Say what the first forest has learned of each number, and of the reward, in so many rules each.
+
+        Parameters
+        ----------
+        names
+            Of the numbers of a state.
+        actions
+            Of the actions.
+        most
+            Rules for each.
+        """
+        columns = feature_names(names, self.config.past_states, self.config.past_actions)
+        return [
+            rule
+            for target, about in enumerate([*names, REWARD, RETURN])
+            for rule in read_rules(self.forests.tree(target), about, columns, actions, most=most)
+        ]
 
     def to_arrays(self) -> Arrays:
         """Return trees and memory."""
@@ -128,14 +160,19 @@ class TreeWorld:
     def _grow_if_due(self, lived: Experience, seen: int) -> None:
         if not self._is_due(seen):
             return
+        c = self.config
         rows, wanted = self._lessons(lived)
-        self.forests.fit(rows, wanted, np.random.default_rng([self.seed, seen]))
+        leaves = [c.leaf_decisions] * (wanted.shape[1] - 1) + [max(c.value_leaf_decisions, 1)]
+        unseen = action_column(wanted.shape[1] - 2, c.past_states)
+        self.forests.fit(rows, wanted, np.random.default_rng([self.seed, seen]), leaf_rows=leaves, unseen=unseen)
         self.grown_ = seen
 
     def _lessons(self, lived: Experience) -> tuple[Floats, NDArray[np.float64]]:
-        """Return what the trees see of every decision and what they are to predict, changes and reward."""
+        """Return what the trees see of every decision and what they are to predict: changes, reward and return."""
         unit, c = np.float32(self.config.resolution), self.config
         windows, pasts, actions, rewards, following = lived.windows(c.past_states, c.past_actions)
         windows = np.rint(windows / unit)
         changes = np.rint(following / unit) - windows[:, 0]
-        return lay_out(windows, pasts, actions), np.column_stack([changes, np.sign(rewards)]).astype(np.float64)
+        signs = np.sign(rewards)
+        returns = lived.returns(self.discount) if c.value_leaf_decisions else np.zeros_like(signs)
+        return lay_out(windows, pasts, actions), np.column_stack([changes, signs, returns]).astype(np.float64)

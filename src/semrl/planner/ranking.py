@@ -27,7 +27,9 @@ class Locator(Protocol):
 def rank(
     scenarios: Scenarios, start: Floats, ends: Floats, state_map: Locator, routes: Routes, *, discount: float = 1.0
 ) -> Plan:
-    """Sort scenarios by reward, then progress along the path, then closeness to the node reached (§3.4.4).
+    """Sort scenarios by return, then progress along the path, then closeness to the node reached (§3.4.4).
+
+    The return is what is predicted, and what is expected beyond.
 
     Parameters
     ----------
@@ -49,6 +51,7 @@ def rank(
     graph = state_map.graph_
     weights = discount ** np.arange(scenarios.rewards.shape[1], dtype=np.float64)  # (t,)
     returns = (scenarios.rewards * weights).sum(axis=1)  # (s,); a matrix product would round equal rows differently
+    returns += discount ** len(weights) * scenarios.values
     if not len(graph):
         nowhere = np.full(len(scenarios), -1)
         order = np.argsort(-returns, kind="stable")
@@ -84,7 +87,10 @@ def _plan(
 ) -> Plan:
     """Put everything in order, the best first."""
     best_first = Scenarios(
-        actions=scenarios.actions[order], states=scenarios.states[order], rewards=scenarios.rewards[order]
+        actions=scenarios.actions[order],
+        states=scenarios.states[order],
+        rewards=scenarios.rewards[order],
+        values=scenarios.values[order],
     )
     return Plan(
         node=node,

@@ -12,6 +12,7 @@ SEES = {
     "ram": "The agent reads coordinates from the emulator's memory; no image is looked at.",
     "components": "Whatever is brighter than the threshold is an object; the agent is shown each in a grey of its own.",
     "classes": "Objects are sorted into kinds; the agent is shown each pixel in the grey of its object's kind.",
+    "objects": "Objects are followed through time; the agent is shown where those that move are, and which it sees.",
     "embedding": "Objects are sorted into kinds and joined to a graph; the agent is shown the graph as a vector.",
 }
 """What the agent is shown, by view."""

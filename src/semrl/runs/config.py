@@ -18,7 +18,7 @@ from semrl.reasoning import ReasoningConfig
 from semrl.stability import StabilityConfig
 from semrl.state import EnvironmentConfig
 
-Model = Literal["baseline", "otsu", "birch", "semantic", "semantic-map", "ram", "ram-map"]
+Model = Literal["baseline", "otsu", "birch", "semantic", "semantic-map", "ram", "ram-map", "objects"]
 PRESETS = ("semrl", "thesis")
 MAX_THREADS = 1024
 

@@ -94,6 +94,7 @@ class Player:
     def play(self, game: Game, rng: np.random.Generator, policy: Policy = "agent") -> Iterator[Step]:
         """Play one episode and yield every decision of it, beginning with the first observation."""
         observation = game.reset()
+        self.pipeline.begin_episode()
         if self.reasoner:
             self.reasoner.begin_episode()
         seen, thought = self.see(observation)

@@ -11,7 +11,7 @@ from semrl.runs.evaluation import load_player
 from semrl.runs.files import write_arrays
 from semrl.runs.session import limited_threads
 from semrl.runs.sight import CLASS_COLOURS, Sight, look
-from semrl.state import Game, ram_feature_names, to_grey
+from semrl.state import Game, to_grey
 from semrl.types import Image, Ints, Observation
 
 GALLERY_DECISIONS = 1000
@@ -40,7 +40,7 @@ def save_gallery(run: Path, seed: int) -> Path:
     samples: list[tuple[Observation, Sight]] = []
     best = -1.0
     with limited_threads(player.config.threads):
-        for i, observation in enumerate(_wander(player.new_game(seed), rng)):
+        for i, observation in enumerate(_wander(player.new_game(seed), player.pipeline, rng)):
             sight = look(player.pipeline, observation)
             counts += np.bincount(sight.classes, minlength=len(counts))
             richness = len(np.unique(sight.classes)) + len(sight.boxes_px) / 1000
@@ -51,7 +51,7 @@ def save_gallery(run: Path, seed: int) -> Path:
                 samples[-1], best = (observation, sight), richness
     meta = {
         "view": player.pipeline.view,
-        "names": ram_feature_names(player.pipeline.rom) if player.pipeline.view == "ram" else (),
+        "names": player.pipeline.names,
         "seed": seed,
         "decisions": player.decisions,
         "played": GALLERY_DECISIONS,
@@ -61,13 +61,16 @@ def save_gallery(run: Path, seed: int) -> Path:
     return path
 
 
-def _wander(game: Game, rng: np.random.Generator) -> Iterator[Observation]:
+def _wander(game: Game, pipeline: Pipeline, rng: np.random.Generator) -> Iterator[Observation]:
     """Act at random and yield what is seen, over as many episodes as it takes."""
-    observation = game.reset()
+    observation = None
     for _ in range(GALLERY_DECISIONS):
+        if observation is None:
+            pipeline.begin_episode()
+            observation = game.reset()
         yield observation
         outcome = game.step(int(rng.integers(game.n_actions)))
-        observation = game.reset() if outcome.done else outcome.observation
+        observation = None if outcome.done else outcome.observation
 
 
 def _sampled(samples: Sequence[tuple[Observation, Sight]]) -> Arrays:

@@ -87,6 +87,8 @@ class _Film:
     def on_step(self, episode: int, step: Step) -> None:
         if episode > 0 or self.n_frames >= MAX_VIDEO_FRAMES:
             return
+        if step.action is None:
+            self.pipeline.begin_episode()
         picture = compose(self.pipeline, step, self.n_frames)
         if self._file is None:
             self._file = iio.imopen(self.path, "w", plugin="pyav", extension=".mp4", container="mp4")
@@ -126,12 +128,14 @@ def compose(pipeline: Pipeline, step: Step, decision: int) -> Frame:
 def _mark(frame: Frame, sight: Sight) -> Frame:
     """Enlarge a frame and draw the boxes of its objects."""
     scale = max(1, round(480 / frame.shape[1]))
-    large = cv2.resize(frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
+    large: Frame = np.asarray(cv2.resize(frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST), np.uint8)
     per_px = np.array(large.shape[:2] * 2) / IMAGE_SIZE_PX  # boxes are measured in the 84×84 image
     for i, (top, left, height, width) in enumerate(np.rint(sight.boxes_px * per_px).astype(int).tolist()):
         end = (left + width, top + height)
         cv2.rectangle(large, (left - 1, top - 1), end, _colour(sight.classes, i), 2, cv2.LINE_AA)
-    return np.asarray(large, np.uint8)
+        if sight.names:
+            _write(large, sight.names[i], (min(end[0] + 6, large.shape[1] - 96), top + height // 2))
+    return large
 
 
 def _seen(pipeline: Pipeline, sight: Sight, side: int) -> Frame:

@@ -34,6 +34,8 @@ class Sight:
         ``(m, 2)`` int64, pairs of objects that the scene graph joins.
     labels
         ``(84, 84)`` int64: 0 for the background, class + 1 for objects.
+    names
+        What is written beside each box; empty where there is nothing to write.
     seen
         What the agent is shown: an image, a vector, or None while that is not learned.
     """
@@ -43,18 +45,21 @@ class Sight:
     edges: Ints
     labels: Ints
     seen: NDArray[Any] | None
+    names: tuple[str, ...] = ()
 
 
 def look(pipeline: Pipeline, observation: Observation) -> Sight:
-    """Look at one frame as a run's perception does."""
+    """Look at one frame as a run's perception does; where objects are tracked, at one after the other."""
     with contextlib.suppress(DataError):
         return _look(pipeline, observation, pipeline.encode(observation))
     return _look(pipeline, observation, None)
 
 
 def _look(pipeline: Pipeline, observation: Observation, seen: NDArray[Any] | None) -> Sight:
+    if pipeline.view == "objects" and seen is not None:
+        return _look_at_slots(pipeline, seen)
     classes, edges = np.empty(0, np.int64), np.empty((0, 2), np.int64)
-    if pipeline.view in ("grey", "ram") or not pipeline.detector.is_fitted:
+    if pipeline.view in ("grey", "ram", "objects") or not pipeline.detector.is_fitted:
         blank = np.zeros((IMAGE_SIZE_PX, IMAGE_SIZE_PX), np.int64)
         return Sight(boxes_px=np.empty((0, 4), np.int64), classes=classes, edges=edges, labels=blank, seen=seen)
     objects = pipeline.detector.detect(to_grey(observation.frame))
@@ -67,3 +72,20 @@ def _look(pipeline: Pipeline, observation: Observation, seen: NDArray[Any] | Non
     numbers = classes if len(classes) else np.zeros(len(objects), np.int64)
     labels = np.append(0, numbers + 1)[objects.labels]
     return Sight(boxes_px=objects.boxes_px, classes=classes, edges=edges, labels=labels, seen=seen)
+
+
+def _look_at_slots(pipeline: Pipeline, seen: NDArray[Any]) -> Sight:
+    """Show the tracks that are told of, each with its slot and its identity."""
+    tracks, slots = pipeline.tracks, pipeline.roles.slots_.tolist()
+    told = np.flatnonzero(tracks.visible & np.isin(tracks.roles, slots))
+    labels = np.zeros((IMAGE_SIZE_PX, IMAGE_SIZE_PX), np.int64)
+    for (top, left, height, width), number in zip(tracks.boxes_px[told].tolist(), tracks.classes[told], strict=True):
+        labels[top : top + height, left : left + width] = number + 1
+    return Sight(
+        boxes_px=tracks.boxes_px[told],
+        classes=tracks.classes[told],
+        edges=np.empty((0, 2), np.int64),
+        labels=labels,
+        seen=seen[: len(pipeline.names)],
+        names=tuple(f"slot {slots.index(tracks.roles[i])}: {tracks.ids[i]}" for i in told),
+    )

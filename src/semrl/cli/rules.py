@@ -1,0 +1,52 @@
+"""``semrl rules``: what a run has learned of its world, in sentences."""
+
+import json as json_format
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from itertools import groupby
+from pathlib import Path
+
+import tyro
+
+from semrl.cli.arguments import parse
+from semrl.cli.progress import console
+from semrl.ontology.rules import Rule
+from semrl.runs.rules import load_rules
+
+
+@dataclass(frozen=True, kw_only=True)
+class RulesArguments:
+    """Print the rules by which a run foresees what comes next: what changes by how much, and when.
+
+    They are its first forest's trees, pruned to the rules that say most. Changes and bounds are in units of
+    reasoning.trees.resolution; of RAM features these are the emulator's pixels.
+
+    Example:  semrl rules runs/first --most 5
+    """
+
+    run: tyro.conf.Positional[Path]
+    """Folder of the run."""
+    most: int = 8
+    """Rules for each number and for the reward."""
+    json: bool = False
+    """Print one JSON object as the only line of standard output."""
+
+
+def main(argv: Sequence[str]) -> None:
+    """Parse, read, tell."""
+    arguments = parse(RulesArguments, argv, command="rules")
+    found = load_rules(arguments.run, most=arguments.most)
+    if arguments.json:
+        print(json_format.dumps({"run": str(arguments.run), "rules": [asdict(rule) for rule in found]}))
+        return
+    for about, group in groupby(found, key=lambda rule: rule.about):
+        console.print(f"[bold]{about}[/bold]")
+        for rule in group:
+            console.print(f"  {sentence(rule)}", soft_wrap=True, markup=False, highlight=False)
+
+
+def sentence(rule: Rule) -> str:
+    """Say a rule: what changes, when, and in how many decisions it was seen."""
+    when = f", if {' and '.join(rule.conditions)}" if rule.conditions else ", always"
+    within = "exactly" if rule.error < 0.005 else f"± {rule.error:.2g}"
+    return f"{rule.value:+.3g}{when}  ({rule.decisions:,} decisions, {within})"

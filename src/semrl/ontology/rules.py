@@ -1,0 +1,140 @@
+"""What the trees have learned, as rules that a person can read and check.
+
+A forest's trees have hundreds of leaves; most of them correct a few cases. Pruned from below where the least is lost
+(cost-complexity pruning, Breiman et al. 1984) the few that say most are left.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from semrl.errors import UsageError
+from semrl.ontology.trees import Tree
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Rule:
+    """If all conditions hold, a number changes by so much.
+
+    Attributes
+    ----------
+    about
+        The number that is predicted.
+    conditions
+        In words; none when it always holds.
+    value
+        The change, in units of the model's resolution, or the reward.
+    decisions
+        For which it held.
+    error
+        Root mean squared error in them.
+    """
+
+    about: str
+    conditions: tuple[str, ...]
+    value: float
+    decisions: int
+    error: float
+
+
+def feature_names(names: Sequence[str], past_states: int, past_actions: int) -> list[str]:
+    """Name the columns of `semrl.ontology.trees.lay_out`."""
+    changes = [
+        f"the last change of {name}" if h == 0 else f"the change of {name} {h + 1} decisions ago"
+        for h in range(past_states - 1)
+        for name in names
+    ]
+    pairs = [
+        text
+        for i, one in enumerate(names)
+        for other in names[i + 1 :]
+        for text in (f"{one} − {other}", f"{one} − {other}, if both go on,")
+    ]
+    actions = ["the action", *(f"the action {k + 1} before" for k in range(past_actions))]
+    return [*names, *(f"{name}, if it goes on," for name in names), *changes, *pairs, *actions]
+
+
+def read_rules(tree: Tree, about: str, names: Sequence[str], actions: Sequence[str], *, most: int = 8) -> list[Rule]:
+    """Read the rules of a tree, those that hold most often first.
+
+    Parameters
+    ----------
+    tree
+        For one number.
+    about
+        Name of that number.
+    names
+        Of the columns, as `feature_names` gives them.
+    actions
+        Names of the actions.
+    most
+        Rules that are left.
+
+    Raises
+    ------
+    UsageError
+        When less than one rule is asked for.
+    """
+    if most < 1:
+        raise UsageError(f"at least one rule must be asked for, not {most}")
+    leaves = _pruned(tree, most)
+    found: list[Rule] = []
+    open_nodes: list[tuple[int, dict[int, tuple[float, float]]]] = [(0, {})]
+    while open_nodes:
+        node, bounds = open_nodes.pop()
+        if node in leaves:
+            conditions = tuple(_condition(names[column], *bound, actions) for column, bound in bounds.items())
+            found.append(
+                Rule(
+                    about=about,
+                    conditions=conditions,
+                    value=float(tree.means[node]),
+                    decisions=int(tree.rows[node]),
+                    error=float(np.sqrt(tree.errors[node])),
+                )
+            )
+            continue
+        column, cut = int(tree.columns[node]), float(tree.cuts[node])
+        low, high = bounds.get(column, (-np.inf, np.inf))
+        open_nodes.append((int(tree.left[node]), bounds | {column: (low, min(high, cut))}))
+        open_nodes.append((int(tree.left[node]) + 1, bounds | {column: (max(low, cut), high)}))
+    return sorted(found, key=lambda rule: -rule.decisions)
+
+
+def _pruned(tree: Tree, most: int) -> set[int]:
+    """Return the nodes that are leaves when a tree is pruned to so many."""
+    inner = tree.columns >= 0
+    loss = tree.rows * tree.errors  # of a node as a leaf
+    leaves = set(np.flatnonzero(~inner).tolist())
+    parents = {int(child): node for node in np.flatnonzero(inner).tolist() for child in _children(tree, node)}
+    candidates = {
+        node: loss[node] - loss[list(_children(tree, node))].sum()
+        for node in np.flatnonzero(inner).tolist()
+        if leaves.issuperset(_children(tree, node))
+    }
+    while len(leaves) > most and candidates:
+        node = min(candidates, key=lambda one: candidates[one])
+        del candidates[node]
+        leaves -= set(_children(tree, node))
+        leaves.add(node)
+        parent = parents.get(node)
+        if parent is not None and leaves.issuperset(_children(tree, parent)):
+            candidates[parent] = loss[parent] - loss[list(_children(tree, parent))].sum()
+    return leaves
+
+
+def _children(tree: Tree, node: int) -> tuple[int, int]:
+    return int(tree.left[node]), int(tree.left[node]) + 1
+
+
+def _condition(name: str, low: float, high: float, actions: Sequence[str]) -> str:
+    """Say between which bounds a number lies, or which actions are meant."""
+    if name.startswith("the action"):
+        meant = [action for i, action in enumerate(actions) if low < i <= high]
+        return f"{name} is {' or '.join(meant) or 'not there yet'}"
+    if not np.isfinite(low):
+        return f"{name} ≤ {high:g}"
+    if not np.isfinite(high):
+        return f"{name} > {low:g}"
+    return f"{low:g} < {name} ≤ {high:g}"

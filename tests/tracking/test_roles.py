@@ -1,0 +1,135 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from walkers import N_CLASSES, followed
+
+from semrl.errors import UsageError
+from semrl.tracking import SLOT_NUMBERS, Roles, RolesConfig, no_tracks
+from semrl.tracking.bonds import Bonds
+from semrl.tracking.influence import Influence
+
+FRAMES = 200
+PLAYER, ENEMY, BALL, DIGIT = range(4)
+CLASSES = (0, 0, 1, 2)
+"""Player and enemy look the same."""
+
+
+def game(seed, frames):
+    """A paddle that the action moves, one that goes its own way, a ball that is away now and then, a digit."""
+    rng = np.random.default_rng(seed)
+    player, enemy, velocity = 40.0, 30.0, 1.5
+    for t in range(frames):
+        action = None if t == 0 else int(rng.integers(2))
+        player = np.clip(player + (0 if action is None else 4 * action - 2), 10, 74)
+        velocity = -velocity if not 12 < enemy < 70 else velocity
+        enemy += velocity
+        seen = [(0, player, 74), (0, enemy, 9), (2, 5, 20)]
+        if t % 40 < 30:
+            seen.append((1, 20 + t % 40, 20 + 1.5 * (t % 40)))
+        yield action, [seen[i] for i in rng.permutation(len(seen))]
+
+
+def played(roles, seed=0, frames=FRAMES):
+    """Play, learn while there is something to learn; yield the tracks with their roles."""
+    tracks = no_tracks(N_CLASSES)
+    for action, seen in game(seed, frames):
+        (tracks,) = followed([seen], tracks=tracks)
+        roles.partial_fit(tracks, action)
+        tracks = replace(tracks, roles=roles.predict(tracks))
+        yield tracks
+
+
+@pytest.fixture(scope="module")
+def learned():
+    roles = Roles(RolesConfig(frames=FRAMES, slots=4))
+    for _ in played(roles):
+        pass
+    return roles
+
+
+def slot_of(roles, column):
+    """The slot of the role that stays in a column."""
+    means = roles.means_px_[roles.slots_]
+    return int(np.abs(means[:, 1] - column).argmin())
+
+
+def test_what_moves_has_a_slot_and_what_stands_still_has_none(learned):
+    assert learned.is_fitted and len(learned.slots_) == 3
+    kinds = learned.kinds_[learned.slots_]
+    assert kinds.tolist() == [0, 0, 1]  # ordered by kind; no digit
+    assert (learned.moving_[learned.slots_] > 0.8).all()
+
+
+def test_the_action_moves_the_player_alone(learned):
+    controlled = learned.controlled_[learned.slots_]
+    assert controlled.sum() == 1 and controlled[slot_of(learned, 74)]
+    influence = learned.influence_[learned.slots_]
+    assert influence.max() > 0.8 and np.sort(influence)[-2] < 0.1
+
+
+def test_slots_tell_of_the_same_thing_in_every_episode(learned):
+    """Whatever order objects are met in: the two paddles differ by their place alone."""
+    player, enemy = slot_of(learned, 74), slot_of(learned, 9)
+    for tracks in played(learned, seed=5, frames=120):
+        slots = learned.transform(tracks).reshape(-1, len(SLOT_NUMBERS))
+        assert slots.shape == (4, 3) and slots.dtype == np.float32
+        assert slots[player, 0] == np.float32(74 / 83) and slots[player, 2] == 1
+        assert slots[enemy, 0] == np.float32(9 / 83) and slots[enemy, 2] == 1
+        assert (slots[3] == 0).all()  # a slot without a role
+
+
+def test_a_ball_that_is_away_has_its_mean_place_and_is_not_seen(learned):
+    ball = slot_of(learned, 40)
+    mean = learned.means_px_[learned.slots_[ball], ::-1] / 83
+    seen = np.array([learned.transform(t).reshape(-1, 3)[ball] for t in played(learned, seed=6, frames=120)])
+    there = np.arange(120) % 40 < 30
+    np.testing.assert_array_equal(seen[:, 2] == 1, there)
+    np.testing.assert_allclose(seen[np.arange(120) % 40 > 34, :2], np.tile(mean, (15, 1)), rtol=1e-5)
+
+
+def test_a_role_is_held_by_one_track(learned):
+    for tracks in played(learned, seed=7, frames=60):
+        held = tracks.roles[tracks.roles >= 0]
+        assert len(set(held.tolist())) == len(held) and set(held.tolist()) <= set(learned.slots_.tolist())
+
+
+def test_those_that_are_controlled_come_first_where_slots_are_few():
+    roles = Roles(RolesConfig(frames=FRAMES, slots=1))
+    for _ in played(roles):
+        pass
+    (slot,) = roles.slots_
+    assert roles.controlled_[slot]
+
+
+def test_what_was_learned_stays(learned):
+    before = learned.to_arrays()
+    for _ in played(learned, seed=8, frames=10):
+        pass
+    assert all(np.array_equal(value, before[name]) for name, value in learned.to_arrays().items())
+
+
+def test_influence_finds_late_effects_and_is_blind_to_chance():
+    rng, influence, actions = np.random.default_rng(0), Influence(), [0, 0, 0]
+    for _ in range(400):
+        actions = [int(rng.integers(3)), *actions[:2]]
+        steps = np.array([[actions[2] - 1.0, 0], rng.normal(size=2), [0, 0]])
+        influence.learn(actions[0], np.arange(3), steps)
+    late, chance, still = influence.shares(3)
+    assert late > 0.95 and chance < 0.05 and still == 0
+    assert influence.shares(4)[3] == 0
+
+
+def test_parts_of_one_thing_are_told_from_things_that_pass():
+    rng, bonds = np.random.default_rng(0), Bonds()
+    for t in range(60):
+        car = np.array([40.0, t]) + rng.normal(size=2)
+        bonds.learn(np.arange(3), np.array([car, car + np.array([0, 4]), [42, 60 - t]], np.float32))
+    joined = bonds.joined(4)
+    assert joined[0, 1] and joined[1, 0] and not joined[[0, 1], 2].any() and not joined[3, :3].any()
+
+
+def test_nonsense_is_refused():
+    for wrong in ({"frames": 0}, {"slots": 0}):
+        with pytest.raises(UsageError):
+            RolesConfig(**wrong)
