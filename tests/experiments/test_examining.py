@@ -42,7 +42,12 @@ class Recalls(ModelPair):
 
     def imagine(self, moment, sequences):
         self.asked = [*getattr(self, "asked", []), (moment, int(sequences[0, 0]))]
-        return Scenarios(actions=sequences, states=moment.states[None, :1], rewards=np.ones((1, 1), np.float32))
+        return Scenarios(
+            actions=sequences,
+            states=moment.states[None, :1],
+            rewards=np.ones((1, 1), np.float32),
+            values=np.zeros(1, np.float32),
+        )
 
 
 def test_every_decision_is_foreseen_from_what_had_led_to_it():
