@@ -22,12 +22,12 @@ from semrl.report.wording import number
 
 @dataclass(frozen=True, kw_only=True)
 class ReproduceArguments:
-    """Do the thesis's evaluation again, ours beside the thesis's: method, clusters, embeddings, ontology, scores.
+    """Do the thesis's evaluation again, ours beside the thesis's: method, clusters, retrieval, ontology, scores.
 
     Results, runs and one page, report.html, go into a folder. What is there already is not done again, so that it can
     be stopped at any moment: the same command goes on.
 
-    Example:  semrl reproduce clusters embeddings
+    Example:  semrl reproduce clusters retrieval
     """
 
     names: tyro.conf.Positional[tuple[str, ...]] = ()

@@ -14,9 +14,9 @@ from semrl.embedding import graph_distances
 from semrl.embedding.retrieval import Retrieval, cosine_similarities, embed, learned_vectors, retrieve, search
 from semrl.errors import MissingExtraError
 from semrl.experiments.base import Experiment, Lab
-from semrl.experiments.embedding_figures import EmbeddingTest, Validation, draw
 from semrl.experiments.perception import new_run, random_play, scenes_of, school
 from semrl.experiments.results import Number, Result
+from semrl.experiments.retrieval_figures import EmbeddingTest, Validation, draw
 from semrl.pipeline import Pipeline
 from semrl.protocols import Embedder
 from semrl.runs import RunConfig, preset
@@ -208,7 +208,7 @@ def _values(name: str, test: EmbeddingTest) -> dict[str, float | None]:
 
 
 EXPERIMENT = Experiment(
-    name="embeddings",
+    name="retrieval",
     place=2,
     title="Embedding",
     section="§4.1.3",
