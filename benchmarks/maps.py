@@ -3,8 +3,9 @@
 The world is a torus of as many cells as the map shall have nodes, bent into eight dimensions, its cells 1 apart
 and seen with a little noise; four actions lead to the neighbouring cells, few of them gain or lose. A tour that
 takes every action in every cell fills the map. Then episodes of a random walk are learned, and after each one the
-graph is read, routes are planned and decisions are looked up; times are medians of the episodes. Everything runs in
-one process on one thread.
+graph is read, routes are planned and decisions are looked up; times are medians of the episodes. At last decisions
+are planned as the preset `semrl` does for `ram-map`: scenarios imagined by trees and ranked on the map. Everything runs
+in one process on one thread.
 
     python benchmarks/maps.py [--sizes N ...] [--episodes N] [--json]
 """
@@ -12,7 +13,7 @@ one process on one thread.
 import json
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import machine
@@ -24,8 +25,10 @@ from rich.table import Table
 
 from semrl.ontology import StateMap, StateMapConfig
 from semrl.planner import LongTermConfig, plan_routes
+from semrl.reasoning import MEMORY_DECISIONS, Reasoner
+from semrl.runs import preset
 from semrl.runs.session import limited_threads
-from semrl.types import Floats, Ints, Trajectory
+from semrl.types import Floats, Ints, Moment, Trajectory
 
 DIMENSION = 8
 """Numbers in a state."""
@@ -51,7 +54,10 @@ EPISODE = 2000
 LOOKUPS = 1000
 """Decisions that are looked up after each episode."""
 
-MEASURES = ("insert_s", "rebuild_s", "plan_s", "lookup_us")
+PLANS = 200
+"""Decisions that are planned."""
+
+MEASURES = ("insert_s", "rebuild_s", "routes_s", "lookup_us", "plan_ms")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,20 +117,23 @@ def main(arguments: Arguments) -> None:
     if arguments.json:
         print(json.dumps({"machine": kind, **vars(arguments), "rows": rows, "exponents": exponents}))
         return
-    table = Table("cells", "nodes", "edges", "insert, s", "rebuild, s", "plan, s", "look-up, µs", "steps", box=None)
+    table = Table(
+        "cells", "nodes", "edges", "insert, s", "rebuild, s", "routes, s", "look-up, µs", "plan, ms", "steps", box=None
+    )
     for column in table.columns:
         column.justify = "right"
     for row in rows:
         counts = [f"{row[name]:,.0f}" for name in ("cells", "nodes", "edges")]
         times = [f"{row[name]:.4f}" for name in MEASURES[:3]]
-        table.add_row(*counts, *times, f"{row['lookup_us']:.1f}", f"{row['steps']:.1f}")
+        table.add_row(*counts, *times, f"{row['lookup_us']:.1f}", f"{row['plan_ms']:.2f}", f"{row['steps']:.1f}")
     if exponents:
         table.add_row("exponent", "", "", *(f"{exponents[name]:.2f}" for name in MEASURES), "")
     console = Console()
     console.print(table)
     console.print(
         f"Medians of {arguments.episodes} episodes of {EPISODE} decisions, {DIMENSION} numbers a state. A look-up is "
-        "one decision's: locate the state, read the path, which has that many steps. Exponents are of the nodes.",
+        "one decision's: locate the state, read the path, which has that many steps. A plan is one decision's as well: "
+        "imagine scenarios, rank them, the median. Exponents are of the nodes.",
         highlight=False,
     )
     console.print(machine.sentence(kind), highlight=False)
@@ -142,15 +151,31 @@ def measure(cells: int, episodes: int) -> dict[str, float]:
         single = world.walk(0)
         times["rebuild_s"].append(seconds(lambda single=single: state_map.partial_fit(single)))
         graph = state_map.graph_
-        times["plan_s"].append(seconds(lambda graph=graph: plan_routes(graph, LongTermConfig())))
+        times["routes_s"].append(seconds(lambda graph=graph: plan_routes(graph, LongTermConfig())))
         routes = plan_routes(graph, LongTermConfig())
         start = time.perf_counter()
         lengths = [len(routes.path(int(state_map.locate(seen[i : i + 1])[0]))) for i in range(LOOKUPS)]
         times["lookup_us"].append((time.perf_counter() - start) / LOOKUPS * 1e6)
+    times["plan_ms"] = plans(world, state_map)
     sizes = {"cells": float(world.shape.prod()), "nodes": float(len(graph)), "edges": float(len(graph.sources))}
     ways = [length - 1 for length in lengths if length]  # a small world may have no goal
     steps = sum(ways) / max(len(ways), 1)
     return sizes | {name: float(np.median(values)) for name, values in times.items()} | {"steps": steps}
+
+
+def plans(world: Torus, state_map: StateMap) -> list[float]:
+    """Return how many milliseconds each of some decisions takes to be planned."""
+    given = preset("semrl", "ram-map").reasoning
+    config = replace(given, state_map=CONFIG, velocity_weight=0.0, trees=replace(given.trees, resolution=NOISE))
+    reasoner = Reasoner(config, DIMENSION, len(MOVES), seed=0)
+    reasoner.learn(world.walk(EPISODE))
+    reasoner.state_map, reasoner.routes = state_map, plan_routes(state_map.graph_, LongTermConfig())
+    lived = world.walk(PLANS + MEMORY_DECISIONS)
+    moments = [
+        Moment(states=lived.states[t : t - MEMORY_DECISIONS : -1], actions=lived.actions[:t][::-1], number=t)
+        for t in range(MEMORY_DECISIONS, PLANS + MEMORY_DECISIONS)
+    ]
+    return [1000 * seconds(lambda moment=moment: reasoner.plan(moment)) for moment in moments]
 
 
 def seconds(call: Callable[[], object]) -> float:
