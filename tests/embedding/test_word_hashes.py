@@ -4,7 +4,7 @@ import hashlib
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from semrl.embedding import WordHasher, WordsConfig, build_scene_graph, sentences, word_hash
@@ -17,7 +17,7 @@ def random_scene(seed: int, count: int) -> SceneGraph:
     return build_scene_graph(rng.integers(-2, 1200, count), rng.uniform(-9, 84, (count, 2)), 20.0)
 
 
-@settings(deadline=None)
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])  # machines are busy now and then
 @given(st.binary(max_size=400), st.integers(0, 2**64 - 1), st.sampled_from([8, 16, 64]))
 def test_compiled_digests_are_those_of_the_standard_library(message: bytes, salt: int, size: int) -> None:
     ours = blake2b(np.frombuffer(message, np.uint8), size, np.uint64(salt)).astype("<u8").tobytes()[:size]

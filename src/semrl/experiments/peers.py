@@ -23,6 +23,12 @@ from semrl.reduction import PCAConfig
 from semrl.types import IMAGE_SIZE_PX, Floats, Frame, Ints
 
 
+def require_peers() -> None:
+    """Raise MissingExtraError if gensim is not installed."""
+    if find_spec("gensim") is None:
+        raise MissingExtraError("thesis", "the thesis's stack, which --peers compares with (gensim)")
+
+
 class ThesisStack:
     """From a frame to a vector with the thesis's libraries and parameters.
 
@@ -43,8 +49,7 @@ class ThesisStack:
     """
 
     def __init__(self, frames: Sequence[Frame], threshold: float, limit_px: int) -> None:
-        if find_spec("gensim") is None:
-            raise MissingExtraError("thesis", "the thesis's stack, which --peers compares with (gensim)")
+        require_peers()
         from sklearn.cluster import Birch
         from sklearn.decomposition import IncrementalPCA
 

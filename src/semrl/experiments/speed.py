@@ -17,7 +17,7 @@ import numpy as np
 
 from semrl.embedding import HashedEmbedding, WordHasher, build_scene_graph
 from semrl.errors import UsageError
-from semrl.experiments.peers import ThesisStack
+from semrl.experiments.peers import ThesisStack, require_peers
 from semrl.experiments.timing import ELEVATION, EMBEDDING, EMULATOR, STACK, Speed, Stage, medians
 from semrl.pipeline import Pipeline
 from semrl.runs import preset
@@ -74,6 +74,8 @@ def measure_speed(config: SpeedConfig, *, peers: bool, say: Callable[[str], None
     MissingExtraError
         If the thesis's stack is asked for and gensim is not installed.
     """
+    if peers:
+        require_peers()  # now, not after perception was trained
     with limited_threads(1):
         say("learning to see")
         pipeline, play = learn_to_see(config.seed)
