@@ -45,6 +45,9 @@ NOISE = 0.01
 CONFIG = StateMapConfig(node_threshold=0.2 / DIMENSION, edge_threshold=0.3 / DIMENSION)
 """Radii in which one cell fits, but not two, and one transition, but not two."""
 
+RESOLUTION = 0.25
+"""Below it a difference means nothing to the trees: many times the noise, a part of a cell."""
+
 GAINS, LOSSES = 0.002, 0.01
 """Shares of the transitions that gain and lose."""
 
@@ -166,7 +169,7 @@ def measure(cells: int, episodes: int) -> dict[str, float]:
 def plans(world: Torus, state_map: StateMap) -> list[float]:
     """Return how many milliseconds each of some decisions takes to be planned."""
     given = preset("semrl", "ram-map").reasoning
-    config = replace(given, state_map=CONFIG, velocity_weight=0.0, trees=replace(given.trees, resolution=NOISE))
+    config = replace(given, state_map=CONFIG, velocity_weight=0.0, trees=replace(given.trees, resolution=RESOLUTION))
     reasoner = Reasoner(config, DIMENSION, len(MOVES), seed=0)
     reasoner.learn(world.walk(EPISODE))
     reasoner.state_map, reasoner.routes = state_map, plan_routes(state_map.graph_, LongTermConfig())
