@@ -18,8 +18,7 @@ from semrl.runs.evaluation import EVALUATION_SEED, Player, Policy, Step, load_pl
 from semrl.runs.explanation import Aftermath, Deed, Explanation, Foresight, Hop, Place, Told
 from semrl.runs.maps import action_names
 from semrl.runs.session import limited_threads
-from semrl.runs.sight import look
-from semrl.state import ram_feature_names
+from semrl.runs.sight import Sight, look_again
 
 SCENARIOS_SHOWN = 5
 
@@ -54,7 +53,7 @@ def explain(
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
     with limited_threads(player.config.threads):
         steps = player.episode(episode, seed, policy)
-        played = _played(steps, step, reasoner.config.short_term.depth, f"episode {episode} of {run}")
+        played = _played(player, steps, step, f"episode {episode} of {run}")
         thought = _Thought(player, reasoner, played.steps[0])
         return Explanation(
             run=str(run),
@@ -68,7 +67,7 @@ def explain(
             exploration=player.config.evaluation.exploration,
             return_so_far=played.steps[0].total,
             frame=played.steps[0].observation.frame,
-            sight=look(player.pipeline, played.steps[0].observation),
+            sight=played.sight,
             features=thought.features(),
             place=thought.place(),
             path=thought.path(),
@@ -87,6 +86,7 @@ class _Played:
     """What is seen at a decision and after it, for as many decisions as scenarios have or until the end."""
 
     steps: Sequence[Step]
+    sight: Sight
     ended: bool
 
     @property
@@ -98,17 +98,20 @@ class _Played:
         return [after.total - before.total for before, after in pairwise(self.steps)]
 
 
-def _played(steps: Iterable[Step], first: int, horizon: int, what: str) -> _Played:
+def _played(player: Player, steps: Iterable[Step], first: int, what: str) -> _Played:
     """Play up to a decision, and so far beyond it that one knows whether the episode ends there."""
+    reasoner = player.require_map(what)
     kept: list[Step] = []
     for number, step in enumerate(steps):
         if number >= first:
             kept.append(step)
-        if len(kept) > horizon + 1:
-            return _Played(steps=kept[:-1], ended=False)
+        if number == first:  # where objects are followed, they stand there now
+            sight = look_again(player.pipeline, step.observation, step.state[0, : reasoner.dimension])
+        if len(kept) > reasoner.config.short_term.depth + 1:
+            return _Played(steps=kept[:-1], sight=sight, ended=False)
     if len(kept) < 2:
         raise UsageError(f"{what} has {number} decisions, from 0 to {number - 1}, so there is no decision {first}")
-    return _Played(steps=kept, ended=True)
+    return _Played(steps=kept, sight=sight, ended=True)
 
 
 class _Thought:
@@ -124,10 +127,8 @@ class _Thought:
 
     def features(self) -> dict[str, float]:
         """Name the numbers of the state, where they have names."""
-        if self.player.pipeline.view != "ram":
-            return {}
-        names = ram_feature_names(self.player.pipeline.rom)
-        return dict(zip(names, self.state[0, : self.reasoner.dimension].tolist(), strict=True))
+        names = self.player.pipeline.names
+        return dict(zip(names, self.state[0, : len(names)].tolist(), strict=True))
 
     def place(self) -> Place:
         """Tell where on the map the state lies."""

@@ -51,11 +51,12 @@ class Sight:
 def look(pipeline: Pipeline, observation: Observation) -> Sight:
     """Look at one frame as a run's perception does; where objects are tracked, at one after the other."""
     with contextlib.suppress(DataError):
-        return _look(pipeline, observation, pipeline.encode(observation))
-    return _look(pipeline, observation, None)
+        return look_again(pipeline, observation, pipeline.encode(observation))
+    return look_again(pipeline, observation, None)
 
 
-def _look(pipeline: Pipeline, observation: Observation, seen: NDArray[Any] | None) -> Sight:
+def look_again(pipeline: Pipeline, observation: Observation, seen: NDArray[Any] | None) -> Sight:
+    """Look at the frame that was encoded last, as ``seen``, or not at all."""
     if pipeline.view == "objects" and seen is not None:
         return _look_at_slots(pipeline, seen)
     classes, edges = np.empty(0, np.int64), np.empty((0, 2), np.int64)
