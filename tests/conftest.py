@@ -33,6 +33,8 @@ SETTINGS: dict[str, Any] = {
     "reasoning.models.next_state.epochs": 2,
     "reasoning.models.next_state.hidden_units": [16],
     "reasoning.short_term.depth": 3,
+    "reasoning.goal.parts": ["actions", "state", "reward"],
+    "reasoning.goal.decisions": 0,
     "evaluation.episodes": 2,
     "evaluation.exploration": 0.0,
 }
