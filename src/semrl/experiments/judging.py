@@ -15,6 +15,10 @@ NEAR_PX = 5.0
 """Graph distance below which a scene that was found counts as near (§4.1.3)."""
 
 
+RIDGE = 0.01
+"""What a weight of 1 costs a linear probe, in squared errors."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Judge:
     """Scenes to learn from and scenes of new episodes, the same for all embeddings.
@@ -58,7 +62,10 @@ class Judge:
 
     def _probe(self, stored: Floats, vectors: Floats) -> dict[str, float]:
         seen, new = self.documents.ball_visible, self.validation.ball_visible
-        weights = np.linalg.lstsq(_with_one(stored[seen]), self.documents.coordinates[seen])[0]
+        known = _with_one(stored[seen]).astype(np.float64)
+        # Directions in which scenes hardly differ would be blown up by the rare scenes that do.
+        products = known.T @ known + RIDGE * np.eye(known.shape[1])
+        weights = np.linalg.solve(products, known.T @ self.documents.coordinates[seen])
         truth = self.validation.coordinates[new]
         missed = truth - _with_one(vectors[new]) @ weights
         total = np.maximum(truth.var(axis=0) * len(truth), 1e-9)
