@@ -6,15 +6,13 @@ continuous space using fractional binding", CogSci 2019.
 """
 
 import hashlib
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semrl.arrays import Arrays
 from semrl.embedding.scene_graph import object_keys
+from semrl.embedding.unlearned import Unlearned
 from semrl.errors import UsageError
 from semrl.kernels import compiled
 from semrl.memo import Memo
@@ -48,7 +46,7 @@ class FractionalEmbeddingConfig:
             raise UsageError(f"seed must lie between 0 and 2^64 - 1, not {self.seed}")
 
 
-class FractionalEmbedding:
+class FractionalEmbedding(Unlearned):
     """Embeds a scene as the sum of its objects: class and place bound together as phases.
 
     Component k of an object of class c at place p is the complex number exp(i (ω_k · p + φ_k(c))), written as its
@@ -73,23 +71,10 @@ class FractionalEmbedding:
 
     def __init__(self, config: FractionalEmbeddingConfig | None = None) -> None:
         self.config = config or FractionalEmbeddingConfig()
+        super().__init__(self.config.dimension)
         self._frequencies = _spread_frequencies(self.config.dimension // 2, self.config.width_px)
         self._scale = np.float32(1 / _ONE)
         self._objects = Memo(self._embed_objects, width=3)  # class, doubled row and column → its vector
-
-    @property
-    def documents_needed(self) -> int:
-        """0: there is nothing to learn."""
-        return 0
-
-    @property
-    def dimension(self) -> int:
-        """Length of the vectors."""
-        return self.config.dimension
-
-    def fit(self, graphs: Sequence[SceneGraph]) -> Self:  # noqa: ARG002 - the protocol's signature
-        """Do nothing and return ``self``: there is nothing to learn."""
-        return self
 
     def transform(self, graph: SceneGraph) -> Floats:
         """Embed a scene: a pure function of its objects, in any order, and of the configuration.
@@ -117,13 +102,6 @@ class FractionalEmbedding:
         vectors, places = self._objects.look_up(object_keys(graph))
         rows: Floats = vectors[places].astype(np.float32) * self._scale
         return rows
-
-    def to_arrays(self) -> Arrays:
-        """Return nothing: there is no state."""
-        return {}
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Take over nothing."""
 
     def _embed_objects(self, keys: Ints) -> Ints:
         """Return the vectors of ``(k, 3)`` objects as whole numbers, ``(k, dimension)``."""

@@ -5,14 +5,12 @@ scale multitask learning", ICML 2009). Inner products of the vectors are, in exp
 function, those of the scenes' word counts. Nothing is learned, so nothing can drift.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Self
 
 import numpy as np
 
-from semrl.arrays import Arrays
 from semrl.embedding.scene_graph import object_keys
+from semrl.embedding.unlearned import Unlearned
 from semrl.embedding.word_hashes import Hashes, WordHasher
 from semrl.embedding.words import WordsConfig
 from semrl.errors import UsageError
@@ -55,7 +53,7 @@ class HashedEmbeddingConfig:
             raise UsageError(f"seed must lie between 0 and 2^64 - 1, not {self.seed}")
 
 
-class HashedEmbedding:
+class HashedEmbedding(Unlearned):
     """Embeds a scene as the signed sum of its hashed words.
 
     Every word adds +1 or −1 to one component; its hash says which. The sum is divided by the root of the
@@ -76,6 +74,7 @@ class HashedEmbedding:
 
     def __init__(self, config: HashedEmbeddingConfig | None = None) -> None:
         self.config = config or HashedEmbeddingConfig()
+        super().__init__(self.config.dimension)
         _, window = _window(np.array(0), self.config.spread_px)
         # A word that names one coordinate is met at every position of the other: its spread copies have this length.
         length = float(np.sqrt((window**2).sum()) * window.sum())
@@ -84,20 +83,6 @@ class HashedEmbedding:
         self._scale = np.float32(1 / (_ONE * length * np.sqrt(max(self.config.words.words_per_object, 1))))
         self._hasher = WordHasher(self.config.words, self.config.seed)
         self._objects = Memo(self._sum_objects, width=3)  # class, doubled row and column → its words' signed sum
-
-    @property
-    def documents_needed(self) -> int:
-        """0: there is nothing to learn."""
-        return 0
-
-    @property
-    def dimension(self) -> int:
-        """Length of the vectors."""
-        return self.config.dimension
-
-    def fit(self, graphs: Sequence[SceneGraph]) -> Self:  # noqa: ARG002 - the protocol's signature
-        """Do nothing and return ``self``: there is nothing to learn."""
-        return self
 
     def transform(self, graph: SceneGraph) -> Floats:
         """Embed a scene.
@@ -122,13 +107,6 @@ class HashedEmbedding:
         """
         sums, places = self._objects.look_up(object_keys(graph))
         return sum_scene(sums, places, self._hasher.surroundings(graph), self._hash_weight, self._scale)
-
-    def to_arrays(self) -> Arrays:
-        """Return nothing: there is no state."""
-        return {}
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Take over nothing."""
 
     def _sum_objects(self, keys: Ints) -> Ints:
         """Sum the words of each of ``(k, 3)`` objects, ``(k, dimension)``."""

@@ -1,13 +1,11 @@
 """The control: a scene as a plain list of its objects, without any thought of what a vector should be like."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
-from semrl.arrays import Arrays
 from semrl.embedding.scene_graph import object_keys
+from semrl.embedding.unlearned import Unlearned
 from semrl.errors import UsageError
 from semrl.types import IMAGE_SIZE_PX, Floats, SceneGraph
 
@@ -30,7 +28,7 @@ class SlotsEmbeddingConfig:
             raise UsageError(f"dimension must be a multiple of {SLOT} from {SLOT} on, not {self.dimension}")
 
 
-class SlotsEmbedding:
+class SlotsEmbedding(Unlearned):
     """Embeds a scene as its objects one after the other, by class, then row, then column.
 
     Each fills a slot: 1, class / 16, row / 84, column / 84. Empty slots are zeros; objects beyond the last slot are
@@ -44,20 +42,7 @@ class SlotsEmbedding:
 
     def __init__(self, config: SlotsEmbeddingConfig | None = None) -> None:
         self.config = config or SlotsEmbeddingConfig()
-
-    @property
-    def documents_needed(self) -> int:
-        """0: there is nothing to learn."""
-        return 0
-
-    @property
-    def dimension(self) -> int:
-        """Length of the vectors."""
-        return self.config.dimension
-
-    def fit(self, graphs: Sequence[SceneGraph]) -> Self:  # noqa: ARG002 - the protocol's signature
-        """Do nothing and return ``self``: there is nothing to learn."""
-        return self
+        super().__init__(self.config.dimension)
 
     def transform(self, graph: SceneGraph) -> Floats:
         """List the objects of a scene, ``(dimension,)`` float32; zeros for a scene without objects.
@@ -73,10 +58,3 @@ class SlotsEmbedding:
         slots[: len(order), 0] = 1
         slots[: len(order), 1:] = keys[order] / (CLASSES, 2 * IMAGE_SIZE_PX, 2 * IMAGE_SIZE_PX)
         return slots.ravel()
-
-    def to_arrays(self) -> Arrays:
-        """Return nothing: there is no state."""
-        return {}
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Take over nothing."""
