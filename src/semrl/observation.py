@@ -99,7 +99,7 @@ class SemanticVectorObservation(gym.vector.VectorObservationWrapper):
         _check_frames(env.single_observation_space)
         self.pipeline = encoder if isinstance(encoder, Pipeline) else load_pipeline(encoder)
         _check_learned(self.pipeline, "vector")
-        if self.pipeline.view == "objects":
+        if self.pipeline.follows:
             raise UsageError("objects are followed in one environment at a time: use SemanticObservation in each")
         self.single_observation_space = _vector_space(self.pipeline)
         self.observation_space = gym.vector.utils.batch_space(self.single_observation_space, env.num_envs)
@@ -148,8 +148,10 @@ def _check_learned(pipeline: Pipeline, output: str) -> None:
             f"output '{output}' needs perception of a run of model 'semantic'"
             f" or '{'birch' if output == 'labels' else 'objects'}'; this one sees '{pipeline.view}'"
         )
-    detects = pipeline.roles.is_fitted if pipeline.view == "objects" else pipeline.detector.is_fitted
+    detects = pipeline.roles.is_fitted if pipeline.follows else pipeline.detector.is_fitted
     if not (detects and pipeline.pca.is_fitted and pipeline.birch.n_leaves_):
         raise UsageError("this perception has not learned to tell objects apart yet: the run needs more frames")
-    if pipeline.view == "embedding" and output == "vector":
+    if output == "labels" and pipeline.follows:
+        raise UsageError("this run follows objects in frames of full size and draws no labels: use output='vector'")
+    if pipeline.view == "embedding" and output == "vector" and not pipeline.follows:
         pipeline.embedder.transform(pipeline.scene(np.zeros((IMAGE_SIZE_PX, IMAGE_SIZE_PX), dtype=np.uint8)))

@@ -1,7 +1,8 @@
 """Elevation, the upper line of Fig. 1.1: from a raw frame to the state that an agent sees.
 
 frame ─ grey image ─ objects ─ reduced objects ─ classes ─ scene graph ─ vector
-                                                       └─ tracks ─ slots: the model `objects`
+                                                       └─ tracks ─ list of what moves: the model `objects`
+                                                                         └─ scene graph ─ vector: tracked scenes
 """
 
 from collections.abc import Callable, Sequence
@@ -34,7 +35,7 @@ from semrl.protocols import Embedder, Persistent
 from semrl.reduction import ObjectPCA, PCAConfig
 from semrl.state import ram_feature_names, ram_features, to_grey
 from semrl.tracking import SLOT_NUMBERS, Roles, RolesConfig, TrackingConfig, follow, no_tracks
-from semrl.types import IMAGE_SIZE_PX, Frame, Image, Ints, Objects, Observation, SceneGraph, Tracks
+from semrl.types import IMAGE_SIZE_PX, Floats, Frame, Image, Ints, Objects, Observation, SceneGraph, Tracks
 
 View = Literal["grey", "components", "classes", "embedding", "objects", "ram"]
 """What is shown to the agent: how far up a frame is elevated."""
@@ -79,11 +80,11 @@ class PipelineConfig:
     slots: SlotsEmbeddingConfig = field(default_factory=SlotsEmbeddingConfig)
     """Parameters of the plain list."""
     foreground: ForegroundConfig = field(default_factory=ForegroundConfig)
-    """What counts as an object for the model `objects`."""
+    """What counts as an object where objects are tracked."""
     tracking: TrackingConfig = field(default_factory=TrackingConfig)
     """Which object is which from decision to decision."""
     roles: RolesConfig = field(default_factory=RolesConfig)
-    """Which of them the agent is told of."""
+    """Which of them are told of."""
 
 
 def make_embedder(config: PipelineConfig) -> Embedder:
@@ -137,15 +138,26 @@ class Pipeline:
         elif view == "objects":
             self.shape = (self.roles.dimension,)
         elif view == "embedding":
-            self.shape = (self.embedder.dimension,)
+            self.shape = (self.embedder.dimension + (self.roles.dimension if self.follows else 0),)
         self.dtype = np.dtype(np.uint8 if len(self.shape) == 2 else np.float32)
 
     @property
+    def follows(self) -> bool:
+        """Whether objects are followed through time."""
+        return self.view == "objects" or (self.view == "embedding" and self.config.scene.tracked)
+
+    @property
+    def facts(self) -> slice:
+        """Which numbers of what `encode` returns are reasoned about: behind the vector of a tracked scene the list."""
+        listed = self.view == "embedding" and self.follows
+        return slice(self.embedder.dimension if listed else 0, self.shape[0])
+
+    @property
     def names(self) -> tuple[str, ...]:
-        """Names of the numbers of a vector, where they have names; of slots, only those that are in use."""
+        """Names of the facts, where they have names; of slots, only those that are in use."""
         if self.view == "ram":
             return ram_feature_names(self.rom)
-        if self.view == "objects":
+        if self.follows:
             return tuple(f"slot {i} {name}" for i in range(len(self.roles.slots_)) for name in SLOT_NUMBERS)
         return ()
 
@@ -166,9 +178,9 @@ class Pipeline:
         if self.view == "ram":
             assert observation.ram is not None, "games with mapped RAM have RAM"
             return ram_features(self.rom, observation.ram)
-        if self.view == "objects":
-            self.follow(observation.frame)
-            return self.roles.transform(self.settle_roles())
+        if self.follows:
+            facts = self.list_objects(observation)
+            return facts if self.view == "objects" else np.concatenate([self.embed(facts), facts])
         image = to_grey(observation.frame)
         if self.view == "grey":
             return image
@@ -192,7 +204,7 @@ class Pipeline:
 
     def detect(self, observation: Observation) -> Objects:
         """Find the objects of an observation, in the way of the view."""
-        if self.view == "objects":
+        if self.follows:
             return self.foreground.detect(observation.frame)
         return self.detector.detect(to_grey(observation.frame))
 
@@ -223,9 +235,27 @@ class Pipeline:
         self.tracks = replace(self.tracks, roles=self.roles.predict(self.tracks))
         return self.tracks
 
+    def list_objects(self, observation: Observation) -> Floats:
+        """Move the tracks on by one observation and list what moves, ``(d,)`` float32; see `Roles.transform`."""
+        self.follow(observation.frame)
+        return self.roles.transform(self.settle_roles())
+
+    def embed(self, facts: Floats) -> Floats:
+        """Embed the scene that a list tells of, as it came or as it is foreseen."""
+        return self.embedder.transform(self._listed_scene(facts))
+
     def class_image(self, objects: Objects) -> Image:
         """Draw every object in the grey level of its class."""
         return label_image(np.append(0, self.classes(objects) + 1)[objects.labels])
+
+    def watch(self, observation: Observation) -> SceneGraph:
+        """Write the next observation as a scene graph, in the way of the view."""
+        if self.follows:
+            return self._listed_scene(self.list_objects(observation))
+        return self.scene(to_grey(observation.frame))
+
+    def _listed_scene(self, facts: Floats) -> SceneGraph:
+        return build_scene_graph(*self.roles.read(facts), self.config.scene.proximity_px)
 
     def scene(self, image: Image) -> SceneGraph:
         """Write a grey image as a scene graph (§3.2.3)."""
@@ -248,7 +278,7 @@ class Pipeline:
         """Take over what every box has learned."""
         for name, box in self._boxes().items():
             box.from_arrays(unnest(arrays, name))
-        if self.view == "objects":
+        if self.follows:
             self.tracks = Tracks(**unnest(arrays, "tracks"))
 
     def _boxes(self) -> dict[str, Persistent]:
@@ -260,7 +290,7 @@ class Pipeline:
             "scenery": self.scenery,
             "embedder": self.embedder,
         }
-        return boxes | ({"foreground": self.foreground, "roles": self.roles} if self.view == "objects" else {})
+        return boxes | ({"foreground": self.foreground, "roles": self.roles} if self.follows else {})
 
     def _tracked(self) -> dict[str, Arrays]:
-        return {"tracks": asdict(self.tracks)} if self.view == "objects" else {}
+        return {"tracks": asdict(self.tracks)} if self.follows else {}

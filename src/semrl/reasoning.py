@@ -80,21 +80,26 @@ class Reasoner:
     config
         Parameters of every box.
     dimension
-        Length of a state vector.
+        Length of a state that is reasoned about.
     n_actions
         Number of actions.
     seed
         Of networks and rehearsal.
+    first
+        Where it begins in what perception encodes; it is the end of it.
 
     Attributes
     ----------
+    facts : slice
+        Where it lies in what perception encodes, and in what the agent sees.
     goal_size : int
         Length of the goal vector.
     """
 
-    def __init__(self, config: ReasoningConfig, dimension: int, n_actions: int, *, seed: int) -> None:
+    def __init__(self, config: ReasoningConfig, dimension: int, n_actions: int, *, seed: int, first: int = 0) -> None:
         self.config = config
         self.dimension = dimension
+        self.facts = slice(first, first + dimension)
         self.n_actions = n_actions
         self.goal_size = goal_size(config.goal, dimension=dimension, depth=config.short_term.depth, n_actions=n_actions)
         action_sequences(n_actions, config.short_term)  # too many are refused at once
@@ -145,23 +150,23 @@ class Reasoner:
         return ground(plan, self.config.goal, n_actions=self.n_actions)
 
     def think(self, encoded: Floats) -> tuple[Floats, Thought]:
-        """Plan from the present state, ``(d,)``, and put the goal beside it: what the agent sees (§3.4.4)."""
-        moment = self._episode.moment(encoded, MEMORY_DECISIONS, self._proposed[1:])
+        """Plan from what was encoded, and put the goal behind it: what the agent sees (§3.4.4)."""
+        moment = self._episode.moment(encoded[self.facts], MEMORY_DECISIONS, self._proposed[1:])
         plan = self.plan(moment)
         self._proposed = np.zeros(0, np.int64) if plan is None else plan.actions.copy()
         return np.concatenate([encoded, self.goal(plan)]), Thought(moment=moment, plan=plan)
 
     def observe(self, seen: Floats, action: int, reward: float) -> None:
         """Note a decision: what the agent saw, did and got."""
-        self._episode.add(seen[: self.dimension], action, reward)
+        self._episode.add(seen[self.facts], action, reward)
 
     def revise(self, encoded: Floats) -> None:
-        """Let the model of the world learn from the episode up to the present state, ``(d,)``."""
-        self.world.revise(self._episode.so_far(encoded))
+        """Let the model of the world learn from the episode up to what was encoded now."""
+        self.world.revise(self._episode.so_far(encoded[self.facts]))
 
     def end_episode(self, last: Floats) -> dict[str, float]:
-        """Learn from the episode whose last observation this is; see `learn`."""
-        trajectory = self._episode.so_far(last[: self.dimension])
+        """Learn from the episode at whose end the agent saw this; see `learn`."""
+        trajectory = self._episode.so_far(last[self.facts])
         self.begin_episode()
         return self.learn(trajectory)
 

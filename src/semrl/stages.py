@@ -1,7 +1,7 @@
 """What perception learns before the agent, one stage after the other (§3.2.3).
 
     threshold → PCA until stable → Birch until stable → scenery → documents of the embedding
-    background → PCA until stable → Birch until stable → roles, where objects are tracked
+    background → PCA until stable → Birch until stable → roles → documents, where objects are tracked
 
 Actions are random meanwhile: the agent cannot see yet, and chance explores.
 """
@@ -208,7 +208,7 @@ class DocumentsStage(Stage):
         self.scenes_: list[SceneGraph] = []
 
     def _learn(self, observation: Observation, _action: int | None) -> bool:
-        self.scenes_.append(self.pipeline.scene(to_grey(observation.frame)))
+        self.scenes_.append(self.pipeline.watch(observation))
         if len(self.scenes_) < self.goal:
             return False
         self.pipeline.embedder.fit(self.scenes_)
@@ -240,7 +240,7 @@ class OnlineStage(Stage):
         self.goal = embedder.documents_needed
 
     def _learn(self, observation: Observation, _action: int | None) -> bool:
-        self.embedder.partial_fit(self.pipeline.scene(to_grey(observation.frame)))
+        self.embedder.partial_fit(self.pipeline.watch(observation))
         return self.batches_ >= self.goal
 
 
@@ -286,12 +286,12 @@ class Schooling:
 def _stages(pipeline: Pipeline, view: View, config: StabilityConfig) -> list[Stage]:
     if view in ("grey", "ram"):
         return []
-    stages: list[Stage] = [BackgroundStage(pipeline) if view == "objects" else ThresholdStage(pipeline)]
+    stages: list[Stage] = [BackgroundStage(pipeline) if pipeline.follows else ThresholdStage(pipeline)]
     if view in ("classes", "embedding", "objects"):
         stages += [PCAStage(pipeline, config), BirchStage(pipeline, config)]
-    if view == "objects":
+    if pipeline.follows:
         stages.append(RolesStage(pipeline))
-    if view == "embedding" and pipeline.config.scene.omit_scenery:
+    elif view == "embedding" and pipeline.config.scene.omit_scenery:
         stages.append(SceneryStage(pipeline))
     if view == "embedding" and pipeline.embedder.documents_needed:
         embedder = pipeline.embedder

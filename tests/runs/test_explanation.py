@@ -114,7 +114,7 @@ def test_the_goal_is_what_the_agent_was_shown(map_run):
     told = explain(map_run, episode=1, step=6)
     assert [part.part for part in told.goal] == ["actions", "state", "reward"]
     shown = [number for part in told.goal for number in part.numbers]
-    assert shown == steps[6].state[0, player.reasoner.dimension :].tolist()
+    assert shown == steps[6].state[0, player.reasoner.facts.stop :].tolist()
     assert told.goal[0].names == told.scenarios[0].actions
     assert told.goal[2].numbers == (told.scenarios[0].predicted_return,)
 

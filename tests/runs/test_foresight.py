@@ -20,7 +20,7 @@ def test_it_is_what_scikit_learn_says_of_the_same_play(map_run):
         steps = list(player.episode(number, player.config.seed + EVALUATION_SEED))
         for before, after in pairwise(steps):
             scenario = player.reasoner.world.imagine(before.thought.moment, np.array([[after.action]]))
-            came.append(after.state[0, : player.reasoner.dimension])
+            came.append(after.state[0, player.reasoner.facts])
             foreseen.append(scenario.states[0, 0])
             rewards.append(int(np.sign(after.total - before.total)))
             guesses.append(int(scenario.rewards[0, 0]))

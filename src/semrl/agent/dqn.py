@@ -32,6 +32,8 @@ class DQNConfig:
     """Decisions after which another head is followed, on average; after a reward it is always another."""
     learning_rate: float = 1e-4
     """Step size of Adam."""
+    final_learning_rate: float = 1.0
+    """What is left of it at the end of the budget, as a share; it falls evenly through the second half."""
     adam_beta1: float = 0.99
     """Adam's memory of gradients."""
     adam_beta2: float = 0.999
@@ -84,7 +86,7 @@ _COUNTS = (
     "target_updates",
 )  # fmt: skip
 _SHARES = (
-    "exploration_min", "exploration_max", "adam_beta1", "adam_beta2", "discount", "reward_share",
+    "exploration_min", "exploration_max", "final_learning_rate", "adam_beta1", "adam_beta2", "discount", "reward_share",
     "target_rate",
 )  # fmt: skip
 _POSITIVE = ("exploration_min", "learning_rate", "adam_epsilon", "target_rate")
@@ -107,6 +109,8 @@ class DQN:
         Of weights, exploration and replay.
     goal_size
         How many numbers at the end of an observation are a goal (§3.4.4).
+    budget
+        Decisions in all, by which the learning rate falls; when None, it does not.
     """
 
     def __init__(
@@ -119,10 +123,12 @@ class DQN:
         frame_skip: int,
         seed: int,
         goal_size: int = 0,
+        budget: int | None = None,
     ) -> None:
         self.config = config
         self.n_actions = n_actions
         self.frame_skip = frame_skip
+        self.budget = budget
         self.replay = ReplayBuffer(config.replay_capacity, shape, dtype)
         n_values = n_actions * config.heads
         self.network, self.target = (
@@ -147,6 +153,12 @@ class DQN:
         c = self.config
         progress = min(1.0, self.decisions_ * self.frame_skip / c.exploration_frames)
         return float(c.exploration_max * (c.exploration_min / c.exploration_max) ** progress)
+
+    @property
+    def learning_rate(self) -> float:
+        """Step size of the next update."""
+        late = 0.0 if self.budget is None else max(0.0, 2 * min(1.0, self.decisions_ / self.budget) - 1)
+        return self.config.learning_rate * (1 - late * (1 - self.config.final_learning_rate))
 
     def act(self, state: NDArray[Any], advised: int | None = None) -> int:
         """Choose an action for ``(2, *shape)``, the current and the previous observation: ε-greedy.
@@ -204,6 +216,8 @@ class DQN:
                 f"the loss is {self.loss_} after {self.updates_} updates: learning has diverged; "
                 "try a smaller --agent.learning-rate"
             )
+        for group in self.optimiser.param_groups:
+            group["lr"] = self.learning_rate
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
         self.optimiser.step()

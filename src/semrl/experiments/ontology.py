@@ -106,11 +106,11 @@ def new_run(player: Player, reasoner: Reasoner, most: int | None) -> Trajectory:
     record = EpisodeRecord(reasoner.dimension)
     for decisions, after in enumerate(steps, 1):
         assert after.action is not None
-        record.add(step.state[0, : reasoner.dimension], after.action, after.total - step.total)
+        record.add(step.state[0, reasoner.facts], after.action, after.total - step.total)
         step = after
         if decisions == most:
             break
-    return record.so_far(step.state[0, : reasoner.dimension])
+    return record.so_far(step.state[0, reasoner.facts])
 
 
 def _test(reasoner: Reasoner, run: Trajectory) -> _Tested:

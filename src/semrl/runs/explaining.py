@@ -106,7 +106,7 @@ def _played(player: Player, steps: Iterable[Step], first: int, what: str) -> _Pl
         if number >= first:
             kept.append(step)
         if number == first:  # where objects are followed, they stand there now
-            sight = look_again(player.pipeline, step.observation, step.state[0, : reasoner.dimension])
+            sight = look_again(player.pipeline, step.observation, step.state[0, : reasoner.facts.stop])
         if len(kept) > reasoner.config.short_term.depth + 1:
             return _Played(steps=kept[:-1], sight=sight, ended=False)
     if len(kept) < 2:
@@ -128,7 +128,7 @@ class _Thought:
     def features(self) -> dict[str, float]:
         """Name the numbers of the state, where they have names."""
         names = self.player.pipeline.names
-        return dict(zip(names, self.state[0, : len(names)].tolist(), strict=True))
+        return dict(zip(names, self.moment.states[0, : len(names)].tolist(), strict=True))
 
     def place(self) -> Place:
         """Tell where on the map the state lies."""
@@ -172,7 +172,7 @@ class _Thought:
 
     def goal(self) -> tuple[Told, ...]:
         """Tell the goal, read from what the agent was shown."""
-        told, rest = [], self.state[0, self.reasoner.dimension :]
+        told, rest = [], self.state[0, self.reasoner.facts.stop :]
         for part in self.reasoner.config.goal.parts:
             numbers, rest = np.split(rest, [self._size(part)])
             told.append(Told(part=part, numbers=tuple(numbers.tolist()), names=self._goal_names(part, numbers)))

@@ -81,7 +81,8 @@ def build_trainer(config: RunConfig, observers: Sequence[Observer] = ()) -> Trai
     pipeline = Pipeline(config.pipeline, MODELS[config.model], rom_name(env))
     reasoner = None
     if config.model in MAP_MODELS:
-        reasoner = Reasoner(config.reasoning, pipeline.shape[0], game.n_actions, seed=seeds[3])
+        first, after = pipeline.facts.start, pipeline.facts.stop
+        reasoner = Reasoner(config.reasoning, after - first, game.n_actions, seed=seeds[3], first=first)
     goal_size = reasoner.goal_size if reasoner else 0
     agent = DQN(
         config.agent,
@@ -91,6 +92,7 @@ def build_trainer(config: RunConfig, observers: Sequence[Observer] = ()) -> Trai
         frame_skip=config.environment.frame_skip,
         seed=seeds[1],
         goal_size=goal_size,
+        budget=config.decisions,
     )
     schooling = Schooling(pipeline, config.stability)
     return Trainer(

@@ -57,10 +57,10 @@ def look(pipeline: Pipeline, observation: Observation) -> Sight:
 
 def look_again(pipeline: Pipeline, observation: Observation, seen: NDArray[Any] | None) -> Sight:
     """Look at the frame that was encoded last, as ``seen``, or not at all."""
-    if pipeline.view == "objects" and seen is not None:
+    if pipeline.follows and seen is not None:
         return _look_at_slots(pipeline, seen)
     classes, edges = np.empty(0, np.int64), np.empty((0, 2), np.int64)
-    if pipeline.view in ("grey", "ram", "objects") or not pipeline.detector.is_fitted:
+    if pipeline.follows or pipeline.view in ("grey", "ram") or not pipeline.detector.is_fitted:
         blank = np.zeros((IMAGE_SIZE_PX, IMAGE_SIZE_PX), np.int64)
         return Sight(boxes_px=np.empty((0, 4), np.int64), classes=classes, edges=edges, labels=blank, seen=seen)
     objects = pipeline.detector.detect(to_grey(observation.frame))
@@ -87,6 +87,6 @@ def _look_at_slots(pipeline: Pipeline, seen: NDArray[Any]) -> Sight:
         classes=tracks.classes[told],
         edges=np.empty((0, 2), np.int64),
         labels=labels,
-        seen=seen[: len(pipeline.names)],
+        seen=seen[pipeline.facts][: len(pipeline.names)],
         names=tuple(f"slot {slots.index(tracks.roles[i])}: {tracks.ids[i]}" for i in told),
     )

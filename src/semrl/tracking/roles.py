@@ -179,6 +179,15 @@ class Roles:
         vector[:, :2] /= IMAGE_SIZE_PX - 1
         return vector.ravel()
 
+    def read(self, vector: Floats) -> tuple[Ints, Floats]:
+        """Read what is seen from a vector of `transform`: the kind of each object, ``(n,)``, and its centre.
+
+        Centres are ``(n, 2)`` float32, row and column in pixels of the 84×84 image.
+        """
+        slots = vector.reshape(self.config.slots, len(SLOT_NUMBERS))[: len(self.slots_)]
+        seen = slots[:, 2] > 0.5
+        return self.kinds_[self.slots_[seen]], slots[seen, 1::-1] * np.float32(IMAGE_SIZE_PX - 1)
+
     def to_arrays(self) -> Arrays:
         """Return what was counted."""
         return {
