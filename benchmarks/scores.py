@@ -80,6 +80,7 @@ def reasoning(arguments: Arguments, run: Path) -> dict[str, Any]:
         lambda: evaluate(run, episodes=arguments.planner_episodes, policy="planner"),
     )
     explained = {f"R2 at {horizon}": value for horizon, value in seen["explained"].items()}
+    explained |= {f"vector R2 at {horizon}": value for horizon, value in seen["explained_vectors"].items()}
     alone = {f"planner {key}": planned[key] for key in ("mean", "min", "max")}
     return {**explained, "balanced": seen["balanced_accuracy"], **alone}
 

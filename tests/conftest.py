@@ -18,6 +18,7 @@ SETTINGS: dict[str, Any] = {
     "pipeline.embedding": "hashed",
     "pipeline.hashed.dimension": 16,
     "pipeline.detection.threshold_frames": 4,
+    "pipeline.scene.tracked": False,
     "pipeline.scene.scenery_frames": 12,
     "pipeline.foreground.background_frames": 12,
     "pipeline.roles.frames": 30,
@@ -40,12 +41,29 @@ SETTINGS: dict[str, Any] = {
 }
 """Of a run that goes through all phases in a second."""
 
+BY_NETWORKS: dict[str, Any] = {
+    "reasoning.world": "models",
+    "reasoning.planner_every": 0,
+    "reasoning.short_term.scenarios": 0,
+    "reasoning.models.next_state.predict_change": True,
+}
+"""Of `semantic-map` as the thesis has it, whose vectors are foreseen by networks."""
+
+BY_TREES: dict[str, Any] = {
+    "reasoning.short_term.depth": 4,
+    "reasoning.short_term.scenarios": 6,
+    "reasoning.trees.first_decisions": 40,
+    "reasoning.trees.new_decisions": 30,
+}
+"""Of a map model that foresees tracked objects."""
+
 
 def tiny(model: str = "semantic", **changes: Any) -> RunConfig:
     """Configure a tiny run; changes are named ``agent__batch_size``."""
     atari = {"env": "PongNoFrameskip-v4"} if model.startswith("ram") else {}
+    foreseen = BY_NETWORKS if model == "semantic-map" else {}
     nested: dict[str, Any] = {}
-    for name, value in {**SETTINGS, **atari, **changes}.items():
+    for name, value in {**SETTINGS, **atari, **foreseen, **changes}.items():
         *tables, key = name.replace("__", ".").split(".")
         table = nested
         for part in tables:
@@ -114,6 +132,14 @@ def map_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished run with perception and a map. Read only."""
     path = tmp_path_factory.mktemp("runs") / "semantic-map"
     train(path, tiny("semantic-map"))
+    return path
+
+
+@pytest.fixture(scope="session")
+def tracked_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished run that reasons about the tracked objects of its scenes. Read only."""
+    path = tmp_path_factory.mktemp("runs") / "tracked"
+    train(path, tiny("semantic-map", **BY_TREES, pipeline__scene__tracked=True, reasoning__world="trees"))
     return path
 
 

@@ -115,8 +115,10 @@ def test_an_embedding_that_was_not_trained_is_refused(semantic_run):
     SemanticObservation(make_env(CATCH), pipeline, "labels").reset(seed=0)
 
 
-def test_several_environments_are_seen_as_each_of_them_alone(semantic_run):
-    pipeline = load_pipeline(semantic_run)
+@pytest.mark.parametrize("run", ["semantic_run", "objects_run", "tracked_run"])
+def test_several_environments_are_seen_as_each_of_them_alone(request, run):
+    """Where objects are tracked, each environment has tracks of its own."""
+    pipeline = load_pipeline(request.getfixturevalue(run))
     several = SemanticVectorObservation(gym.vector.SyncVectorEnv([raw] * 3), pipeline)
     alone = [SemanticObservation(raw(), pipeline) for _ in range(3)]
     seen, _ = several.reset(seed=5)
@@ -137,6 +139,13 @@ def test_several_environments_need_frames_and_a_trained_perception(baseline_run,
         SemanticVectorObservation(gym.vector.SyncVectorEnv([raw]), baseline_run)
     with pytest.raises(UsageError):
         SemanticVectorObservation(gym.make_vec("CartPole-v1", num_envs=2), semantic_run)
+
+
+def test_tracked_scenes_are_drawn_as_labels(tracked_run):
+    env = SemanticObservation(make_env(CATCH), tracked_run, "labels")
+    env.reset(seed=0)
+    drawn = [np.unique(env.step(i % 2)[0]) for i in range(12)]
+    assert max(map(len, drawn)) > 1  # the background and an object's level
 
 
 def test_slots_are_what_the_agent_sees_and_wrappers_share_no_tracks(objects_run):

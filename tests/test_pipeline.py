@@ -12,6 +12,7 @@ from semrl.detection import label_image
 from semrl.embedding import HashedEmbeddingConfig, build_scene_graph
 from semrl.errors import MissingExtraError, UsageError
 from semrl.pipeline import MODELS, Pipeline, PipelineConfig
+from semrl.runs import build_trainer, load_player
 from semrl.state import Game, make_env, ram_features, to_grey
 from semrl.types import Observation
 
@@ -114,6 +115,28 @@ def test_semantic_sees_the_embedded_scene():
     graph = build_scene_graph(pipeline.classes(objects), objects.centres_px, CONFIG.scene.proximity_px)
     np.testing.assert_array_equal(pipeline.encode(SHOWN[7]), pipeline.embedder.transform(graph))
     assert len({pipeline.encode(o).tobytes() for o in SHOWN[:9]}) == 9  # no two states of a falling ball look alike
+
+
+def test_the_vector_of_a_tracked_scene_follows_from_the_list_of_what_moves(tracked_run):
+    steps = list(load_player(tracked_run).episode(0, 1))
+    pipeline = load_player(tracked_run).pipeline
+    vectors, facts = steps[0].state[0], pipeline.facts
+    assert facts == slice(pipeline.embedder.dimension, pipeline.shape[0]) and len(vectors) > facts.stop  # then the goal
+    assert len(pipeline.names) <= facts.stop - facts.start
+    seen = 0
+    for step in steps:
+        listed = step.state[0][facts]
+        kinds, centres = pipeline.roles.read(listed)
+        scene = build_scene_graph(kinds, centres, pipeline.config.scene.proximity_px)
+        np.testing.assert_array_equal(step.state[0][: facts.start], pipeline.embedder.transform(scene))
+        np.testing.assert_array_equal(step.thought.moment.states[0], listed)
+        seen += len(kinds)
+    assert seen > len(steps) // 2
+
+
+def test_without_a_map_the_list_is_not_shown(tiny):
+    pipeline = build_trainer(tiny(pipeline__scene__tracked=True)).pipeline
+    assert pipeline.follows and pipeline.shape == (16,) and pipeline.facts == slice(0, 16) and pipeline.names == ()
 
 
 @pytest.mark.parametrize("omit_scenery", [False, True])

@@ -1,6 +1,8 @@
 """Symbols for other people's agents: Gymnasium wrappers around any environment with RGB frames."""
 
 import copy
+from collections.abc import Sequence
+from itertools import compress
 from pathlib import Path
 from typing import Any, Literal
 
@@ -99,12 +101,12 @@ class SemanticVectorObservation(gym.vector.VectorObservationWrapper):
         _check_frames(env.single_observation_space)
         self.pipeline = encoder if isinstance(encoder, Pipeline) else load_pipeline(encoder)
         _check_learned(self.pipeline, "vector")
-        if self.pipeline.follows:
-            raise UsageError("objects are followed in one environment at a time: use SemanticObservation in each")
         self.single_observation_space = _vector_space(self.pipeline)
         self.observation_space = gym.vector.utils.batch_space(self.single_observation_space, env.num_envs)
         self._begins = np.ones(env.num_envs, np.bool_)
-        self._previous = np.zeros((env.num_envs, self.pipeline.embedder.dimension), np.float32)
+        self._previous = np.zeros((env.num_envs, self.pipeline.shape[0]), np.float32)
+        # What was learned is shared; each environment has tracks of its own.
+        self._watchers = [copy.copy(self.pipeline) for _ in range(env.num_envs if self.pipeline.follows else 0)]
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -121,11 +123,18 @@ class SemanticVectorObservation(gym.vector.VectorObservationWrapper):
 
     def observations(self, observations: NDArray[np.uint8]) -> NDArray[Any]:
         """Elevate the frames of all environments."""
-        current = self.pipeline.encode_batch([Observation(frame=frame) for frame in observations])
+        current = self._elevate([Observation(frame=frame) for frame in observations])
         change = np.where(self._begins[:, None], np.float32(0), current - self._previous)
         self._previous = current
         self._begins = np.zeros(len(current), np.bool_)
         return np.concatenate([current, change], axis=1)
+
+    def _elevate(self, seen: Sequence[Observation]) -> NDArray[Any]:
+        if not self._watchers:
+            return self.pipeline.encode_batch(seen)
+        for watcher in compress(self._watchers, self._begins):
+            watcher.begin_episode()
+        return np.stack([watcher.encode(shown) for watcher, shown in zip(self._watchers, seen, strict=True)])
 
 
 def _check_frames(space: gym.Space[Any]) -> None:
@@ -151,7 +160,5 @@ def _check_learned(pipeline: Pipeline, output: str) -> None:
     detects = pipeline.roles.is_fitted if pipeline.follows else pipeline.detector.is_fitted
     if not (detects and pipeline.pca.is_fitted and pipeline.birch.n_leaves_):
         raise UsageError("this perception has not learned to tell objects apart yet: the run needs more frames")
-    if output == "labels" and pipeline.follows:
-        raise UsageError("this run follows objects in frames of full size and draws no labels: use output='vector'")
     if pipeline.view == "embedding" and output == "vector" and not pipeline.follows:
         pipeline.embedder.transform(pipeline.scene(np.zeros((IMAGE_SIZE_PX, IMAGE_SIZE_PX), dtype=np.uint8)))

@@ -110,6 +110,8 @@ class Pipeline:
         What `encode` returns.
     rom
         Name of the Atari game, needed for the view ``"ram"`` only.
+    listed
+        Whether the list of what moves stands behind the vector of a tracked scene, for those who reason about it.
 
     Raises
     ------
@@ -117,9 +119,10 @@ class Pipeline:
         When the view is ``"ram"`` and this game's RAM is not mapped.
     """
 
-    def __init__(self, config: PipelineConfig, view: View, rom: str | None = None) -> None:
+    def __init__(self, config: PipelineConfig, view: View, rom: str | None = None, *, listed: bool = False) -> None:
         self.config = config
         self.view = view
+        self._listed = False
         self.rom = rom or "a game without ROM"
         self.detector = OtsuDetector(config.detection)
         self.foreground = ForegroundDetector(config.foreground)
@@ -138,7 +141,8 @@ class Pipeline:
         elif view == "objects":
             self.shape = (self.roles.dimension,)
         elif view == "embedding":
-            self.shape = (self.embedder.dimension + (self.roles.dimension if self.follows else 0),)
+            self._listed = listed and self.follows
+            self.shape = (self.embedder.dimension + (self.roles.dimension if self._listed else 0),)
         self.dtype = np.dtype(np.uint8 if len(self.shape) == 2 else np.float32)
 
     @property
@@ -149,15 +153,14 @@ class Pipeline:
     @property
     def facts(self) -> slice:
         """Which numbers of what `encode` returns are reasoned about: behind the vector of a tracked scene the list."""
-        listed = self.view == "embedding" and self.follows
-        return slice(self.embedder.dimension if listed else 0, self.shape[0])
+        return slice(self.embedder.dimension if self._listed else 0, self.shape[0])
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the facts, where they have names; of slots, only those that are in use."""
         if self.view == "ram":
             return ram_feature_names(self.rom)
-        if self.follows:
+        if self.view == "objects" or self._listed:
             return tuple(f"slot {i} {name}" for i in range(len(self.roles.slots_)) for name in SLOT_NUMBERS)
         return ()
 
@@ -179,8 +182,7 @@ class Pipeline:
             assert observation.ram is not None, "games with mapped RAM have RAM"
             return ram_features(self.rom, observation.ram)
         if self.follows:
-            facts = self.list_objects(observation)
-            return facts if self.view == "objects" else np.concatenate([self.embed(facts), facts])
+            return self._tell(self.list_objects(observation))
         image = to_grey(observation.frame)
         if self.view == "grey":
             return image
@@ -227,7 +229,7 @@ class Pipeline:
         """Move the tracks on by one frame."""
         objects = self.foreground.detect(frame)
         reduced = self.pca.transform(objects.features)
-        self.tracks = follow(self.tracks, objects, self.birch.predict(reduced), reduced, self.config.tracking)
+        self.tracks = follow(self.tracks, objects, self.classes(objects), reduced, self.config.tracking)
         return self.tracks
 
     def settle_roles(self) -> Tracks:
@@ -239,6 +241,11 @@ class Pipeline:
         """Move the tracks on by one observation and list what moves, ``(d,)`` float32; see `Roles.transform`."""
         self.follow(observation.frame)
         return self.roles.transform(self.settle_roles())
+
+    def _tell(self, facts: Floats) -> Floats:
+        if self.view == "objects":
+            return facts
+        return np.concatenate([self.embed(facts), facts]) if self._listed else self.embed(facts)
 
     def embed(self, facts: Floats) -> Floats:
         """Embed the scene that a list tells of, as it came or as it is foreseen."""

@@ -69,7 +69,7 @@ def test_stages_take_turns():
 
 def test_dots_are_objects():
     frame = speed.dotted_frame(50, np.random.default_rng(0))
-    pipeline = speed.Pipeline(speed.preset("semrl", "semantic").pipeline, "embedding")
+    pipeline = speed.Pipeline(speed.by_frame("semrl").pipeline, "embedding")
     for _ in range(pipeline.config.detection.threshold_frames):
         pipeline.detector.partial_fit(to_grey(frame))
     assert len(pipeline.detector.detect(to_grey(frame))) == 50

@@ -29,6 +29,22 @@ def test_it_is_what_scikit_learn_says_of_the_same_play(map_run):
     assert told.balanced_accuracy == pytest.approx(balanced_accuracy_score(rewards, guesses))
     assert np.sum(told.confusion) == 90 and np.sum(told.confusion, axis=1)[1] == rewards.count(0)
     assert set(told.explained) <= {1, 5, 20} and told.explained[5] <= 1
+    assert told.explained_vectors == {}  # they are what is foreseen
+
+
+def test_where_objects_are_foreseen_so_are_the_vectors_of_their_scenes(tracked_run):
+    told, player = foresight(tracked_run, decisions=60), load_player(tracked_run)
+    came, foreseen = [], []
+    for number in range(2):
+        steps = list(player.episode(number, player.config.seed + EVALUATION_SEED))
+        for before, after in pairwise(steps):
+            scenario = player.reasoner.world.imagine(before.thought.moment, np.array([[after.action]]))
+            came.append(after.state[0, : player.pipeline.facts.start])
+            foreseen.append(player.pipeline.embed(scenario.states[0, 0]))
+    assert told.explained_vectors[1] == pytest.approx(
+        r2_score(came, foreseen, multioutput="variance_weighted"), abs=1e-6
+    )
+    assert told.explained_vectors.keys() == told.explained.keys()
 
 
 def test_kinds_that_never_came_do_not_count():

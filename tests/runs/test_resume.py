@@ -24,6 +24,14 @@ DOC2VEC = {
     "pipeline__doc2vec__dimension": 8,
 }
 REHEARSAL = {"reasoning__models__rehearsal_states": 60, "reasoning__models__reward__kind": "network"}
+TRACKED = {
+    "pipeline__scene__tracked": True,
+    "reasoning__world": "trees",
+    "reasoning__planner_every": 2,
+    "reasoning__short_term__scenarios": 6,
+    "reasoning__trees__first_decisions": 40,
+    "reasoning__trees__new_decisions": 30,
+}
 THESIS_MODELS = {
     "reasoning__models__rehearsal_states": 0,
     "reasoning__models__reward__kind": "svm",
@@ -56,6 +64,7 @@ class Rows:
         ("semantic", DOC2VEC, {"threshold", "pca", "birch", "scenery", "documents", "agent"}),
         ("semantic-map", REHEARSAL, {"threshold", "pca", "birch", "scenery", "agent"}),
         ("semantic-map", THESIS_MODELS, {"threshold", "pca", "birch", "scenery", "agent"}),
+        ("semantic-map", TRACKED, {"background", "pca", "birch", "roles", "agent"}),
         ("objects", RICH_AGENT, {"background", "pca", "birch", "roles", "agent"}),
         ("ram", RICH_AGENT, {"agent"}),
     ],
@@ -67,6 +76,7 @@ class Rows:
         "semantic-doc2vec",
         "semantic-map",
         "semantic-map-svm",
+        "semantic-map-tracked",
         "objects",
         "ram",
     ],

@@ -88,6 +88,17 @@ def test_a_ball_that_is_away_has_its_mean_place_and_is_not_seen(learned):
     np.testing.assert_allclose(seen[np.arange(120) % 40 > 34, :2], np.tile(mean, (15, 1)), rtol=1e-5)
 
 
+def test_a_list_is_read_as_the_objects_that_are_seen(learned):
+    for tracks in played(learned, seed=8, frames=60):
+        kinds, centres = learned.read(learned.transform(tracks))
+        shown = [int(np.flatnonzero(tracks.roles == role)[0]) for role in learned.slots_ if role in tracks.roles]
+        shown = [i for i in shown if tracks.unseen[i] == 0]
+        assert kinds.tolist() == learned.kinds_[tracks.roles[shown]].tolist()
+        np.testing.assert_allclose(centres, tracks.centres_px[shown], atol=1e-5)
+    kinds, centres = learned.read(np.zeros(learned.dimension, np.float32))
+    assert kinds.shape == (0,) and centres.shape == (0, 2)
+
+
 def test_a_role_is_held_by_one_track(learned):
     for tracks in played(learned, seed=7, frames=60):
         held = tracks.roles[tracks.roles >= 0]

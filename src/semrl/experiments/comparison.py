@@ -18,13 +18,12 @@ from semrl.errors import MissingExtraError
 from semrl.experiments.base import Experiment, Lab
 from semrl.experiments.drift import cosines_to, probes_of
 from semrl.experiments.judging import Judge, call_judge
-from semrl.experiments.perception import school
+from semrl.experiments.perception import by_frame, school
 from semrl.experiments.results import Number, Result
 from semrl.experiments.watching import COORDINATES, Watched, watch
 from semrl.pipeline import make_embedder
 from semrl.protocols import Embedder
-from semrl.runs import RunConfig, preset
-from semrl.runs.config import merge
+from semrl.runs import RunConfig
 from semrl.types import SceneGraph
 
 CANDIDATES: dict[str, Mapping[str, Any]] = {
@@ -99,7 +98,7 @@ def measure(settings: Settings, lab: Lab) -> Result:
 
 def candidate_config(overrides: Mapping[str, Any], pipeline: Mapping[str, Any]) -> RunConfig:
     """Return the preset `semrl` with the settings of an experiment and, on top, those of a candidate."""
-    return preset("semrl", "semantic", merge(overrides, {"pipeline": pipeline}))
+    return by_frame("semrl", overrides, {"pipeline": pipeline})
 
 
 def _measure(embedder: Embedder, judge: Judge, stream: Watched, settings: Settings) -> dict[str, float | None]:

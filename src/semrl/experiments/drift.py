@@ -13,12 +13,11 @@ from semrl.embedding.retrieval import cosine_similarities, embed
 from semrl.experiments.base import Experiment, Lab
 from semrl.experiments.figures import Curve, Curves, Figure
 from semrl.experiments.judging import Judge, call_judge
-from semrl.experiments.perception import school
+from semrl.experiments.perception import by_frame, school
 from semrl.experiments.results import Number, Result
 from semrl.experiments.watching import Watched, watch
 from semrl.pipeline import make_embedder
-from semrl.runs import RunConfig, preset
-from semrl.runs.config import merge
+from semrl.runs import RunConfig
 from semrl.types import Floats, SceneGraph
 
 PROBES = 1_000
@@ -128,8 +127,7 @@ def measure(settings: Settings, lab: Lab) -> Result:
 
 
 def _config(settings: Settings, online: Mapping[str, Any]) -> RunConfig:
-    pipeline = {"pipeline": {"embedding": "online", "online": online}}
-    return preset("semrl", "semantic", merge(settings.overrides, pipeline))
+    return by_frame("semrl", settings.overrides, {"pipeline": {"embedding": "online", "online": online}})
 
 
 def _follow(method: Method, config: RunConfig, stream: Watched, judge: Judge, looks: Sequence[int]) -> Course:

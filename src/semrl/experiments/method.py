@@ -13,11 +13,11 @@ from semrl.agent.networks import build_network
 from semrl.detection import OtsuDetector
 from semrl.experiments.base import Experiment, Lab
 from semrl.experiments.figures import Figure, Layers, Picture, Pictures, Scene
-from semrl.experiments.perception import new_run, school
+from semrl.experiments.perception import by_frame, new_run, school
 from semrl.experiments.results import Result
 from semrl.ontology import NextStateNetwork
 from semrl.pipeline import MODELS, Pipeline
-from semrl.runs import RunConfig, preset
+from semrl.runs import RunConfig
 from semrl.runs.sight import CLASS_COLOURS, look
 from semrl.state import Game, make_env, rom_name, to_grey
 from semrl.types import Image, Observation
@@ -66,9 +66,7 @@ def measure(settings: Settings, lab: Lab) -> Result:
 
 def _config(name: str, settings: Settings) -> RunConfig:
     """Return a preset whose embedding needs nothing: no vector is drawn."""
-    return preset(name, "semantic", {**settings.overrides, "pipeline": {
-        **settings.overrides.get("pipeline", {}), "embedding": "hashed",
-    }})  # fmt: skip
+    return by_frame(name, settings.overrides, {"pipeline": {"embedding": "hashed"}})
 
 
 def _frame(config: RunConfig, settings: Settings) -> Observation:

@@ -1,20 +1,25 @@
 """Perception as the experiments need it: schooled on random play, and what it makes of further play."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, reduce
 from itertools import islice
+from typing import Any
 
 import numpy as np
 
 from semrl.pipeline import Pipeline, View
-from semrl.runs import RunConfig
+from semrl.runs import RunConfig, preset
+from semrl.runs.config import merge
 from semrl.stages import Schooling
 from semrl.state import Game, make_env, rom_name, to_grey
 from semrl.types import Objects, Observation, SceneGraph
 
 NEW_RUN_SEED = 1_000
 """Added to the seed of schooling for a run of which perception has seen nothing (§4.1: "an entirely new run")."""
+
+
+_BY_FRAME = {"pipeline": {"scene": {"tracked": False}, "birch": {"threshold": 0.5}}}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +39,11 @@ class Schooled:
     pipeline: Pipeline
     stability: dict[str, list[float]]
     batches: dict[str, int]
+
+
+def by_frame(name: str, *settings: Mapping[str, Any]) -> RunConfig:
+    """Return a preset with scenes as single frames show them, as §4.1 tests them; the last setting wins."""
+    return preset(name, "semantic", reduce(merge, settings, _BY_FRAME))
 
 
 @lru_cache(maxsize=8)

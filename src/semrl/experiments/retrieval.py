@@ -14,13 +14,12 @@ from semrl.embedding import graph_distances
 from semrl.embedding.retrieval import Retrieval, cosine_similarities, embed, learned_vectors, retrieve, search
 from semrl.errors import MissingExtraError
 from semrl.experiments.base import Experiment, Lab
-from semrl.experiments.perception import new_run, random_play, scenes_of, school
+from semrl.experiments.perception import by_frame, new_run, random_play, scenes_of, school
 from semrl.experiments.results import Number, Result
 from semrl.experiments.retrieval_figures import EmbeddingTest, Validation, draw
 from semrl.pipeline import Pipeline
 from semrl.protocols import Embedder
-from semrl.runs import RunConfig, preset
-from semrl.runs.config import merge
+from semrl.runs import RunConfig
 from semrl.types import Floats, SceneGraph
 
 DISTANCES = (5, 100, 200)
@@ -151,7 +150,7 @@ def measure(settings: Settings, lab: Lab) -> Result:
 
 def _config(name: str, settings: Settings, pipeline: Mapping[str, Any]) -> RunConfig:
     """Return a preset with the settings of an experiment and, on top, those of a candidate."""
-    return preset(name, "semantic", merge(settings.overrides, {"pipeline": pipeline}))
+    return by_frame(name, settings.overrides, {"pipeline": pipeline})
 
 
 def _gather(name: str, settings: Settings) -> _Scenes:

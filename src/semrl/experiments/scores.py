@@ -54,6 +54,8 @@ SWEEPS: dict[Scale, Sweep] = {
                 "hashed": {"dimension": 16},
                 "detection": {"threshold_frames": 5},
                 "scene": {"scenery_frames": 5},
+                "foreground": {"background_frames": 20},
+                "roles": {"frames": 30},
             },
             "stability": {"batches": 5, "max_batches": 20},
             "evaluation": {"max_noops": 0},
@@ -63,13 +65,7 @@ SWEEPS: dict[Scale, Sweep] = {
                 },
                 "semantic-map": {
                     "env": "semrl/Catch-v0",
-                    "reasoning": {
-                        "short_term": {"depth": 1},
-                        "models": {
-                            "next_state": {"epochs": 1, "hidden_units": [16]},
-                            "reward": {"epochs": 1, "hidden_units": [8]},
-                        },
-                    },
+                    "reasoning": {"short_term": {"depth": 3, "scenarios": 4}, "trees": {"first_decisions": 200}},
                 },
             },
         },

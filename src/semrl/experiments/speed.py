@@ -18,9 +18,9 @@ import numpy as np
 from semrl.embedding import HashedEmbedding, WordHasher, build_scene_graph
 from semrl.errors import UsageError
 from semrl.experiments.peers import ThesisStack, require_peers
+from semrl.experiments.perception import by_frame
 from semrl.experiments.timing import ELEVATION, EMBEDDING, EMULATOR, STACK, Speed, Stage, medians
 from semrl.pipeline import Pipeline
-from semrl.runs import preset
 from semrl.runs.session import limited_threads
 from semrl.stability import StabilityConfig
 from semrl.stages import Schooling
@@ -98,7 +98,7 @@ def measure_speed(config: SpeedConfig, *, peers: bool, say: Callable[[str], None
 
 def learn_to_see(seed: int) -> tuple[Pipeline, Iterator[Observation]]:
     """Train perception on random play of Pong; return it, and the play as it goes on."""
-    pipeline = Pipeline(preset("semrl", "semantic").pipeline, "embedding", "pong")
+    pipeline = Pipeline(by_frame("semrl").pipeline, "embedding", "pong")
     schooling, play = Schooling(pipeline, StabilityConfig()), random_play(Game(make_env(), seed), seed)
     while schooling.current:
         schooling.learn(next(play))

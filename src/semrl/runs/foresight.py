@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.errors import UsageError
+from semrl.pipeline import Pipeline
 from semrl.protocols import WorldModel
 from semrl.runs.evaluation import EVALUATION_SEED, Player, Policy, Step, load_player
 from semrl.runs.session import limited_threads
@@ -29,6 +30,8 @@ class Quality:
         That were foreseen.
     explained
         Horizon in decisions → share of the variance of the states that is explained (R², weighted by variance).
+    explained_vectors
+        The same for the vector of the scene, where objects are foreseen and the scene follows from them; else empty.
     confusion
         ``(3, 3)`` counts, what came in rows, what was foreseen in columns: a loss, nothing, a gain.
     balanced_accuracy
@@ -37,6 +40,7 @@ class Quality:
 
     decisions: int
     explained: dict[int, float]
+    explained_vectors: dict[int, float]
     confusion: list[list[int]]
     balanced_accuracy: float
 
@@ -69,14 +73,16 @@ def foresight(
     player = load_player(run)
     world = player.require_map(run).world
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
-    spans: Spans = {horizon: [] for horizon in HORIZONS}
+    facts: Spans = {horizon: [] for horizon in HORIZONS}
     confusion = np.zeros((3, 3), np.int64)
     with limited_threads(player.config.threads):
         for steps in _episodes(player, decisions, seed, policy):
-            _compare(world, steps, spans, confusion)
+            _compare(world, steps, facts, confusion)
+        vectors = _embedded(player.pipeline, facts) if player.pipeline.facts.start else {}
     return Quality(
         decisions=int(confusion.sum()),
-        explained={horizon: _explained(pairs) for horizon, pairs in spans.items() if pairs},
+        explained=_explained(facts),
+        explained_vectors=_explained(vectors),
         confusion=confusion.tolist(),
         balanced_accuracy=balanced_accuracy(confusion),
     )
@@ -110,6 +116,18 @@ def _compare(world: WorldModel, steps: Sequence[Step], spans: Spans, confusion: 
                 spans[horizon].append((told.states[0, horizon - 1], moments[t + horizon].states[0]))
 
 
-def _explained(pairs: Sequence[tuple[Floats, Floats]]) -> float:
-    foreseen, came = (np.array(part, np.float64) for part in zip(*pairs, strict=True))
-    return float(1 - ((came - foreseen) ** 2).sum() / ((came - came.mean(axis=0)) ** 2).sum())
+def _embedded(pipeline: Pipeline, facts: Spans) -> Spans:
+    """Return the vectors of the scenes that were foreseen and that came."""
+    return {
+        horizon: [(pipeline.embed(foreseen), pipeline.embed(came)) for foreseen, came in pairs]
+        for horizon, pairs in facts.items()
+    }
+
+
+def _explained(spans: Spans) -> dict[int, float]:
+    shares = {}
+    for horizon, pairs in spans.items():
+        if pairs:
+            foreseen, came = (np.array(part, np.float64) for part in zip(*pairs, strict=True))
+            shares[horizon] = float(1 - ((came - foreseen) ** 2).sum() / ((came - came.mean(axis=0)) ** 2).sum())
+    return shares

@@ -78,9 +78,10 @@ def build_trainer(config: RunConfig, observers: Sequence[Observer] = ()) -> Trai
     env = make_env(config.env, config.environment)
     seeds = [int(seed) for seed in np.random.SeedSequence(config.seed).generate_state(4)]
     game = Game(env, seeds[0])
-    pipeline = Pipeline(config.pipeline, MODELS[config.model], rom_name(env))
+    reasons = config.model in MAP_MODELS
+    pipeline = Pipeline(config.pipeline, MODELS[config.model], rom_name(env), listed=reasons)
     reasoner = None
-    if config.model in MAP_MODELS:
+    if reasons:
         first, after = pipeline.facts.start, pipeline.facts.stop
         reasoner = Reasoner(config.reasoning, after - first, game.n_actions, seed=seeds[3], first=first)
     goal_size = reasoner.goal_size if reasoner else 0

@@ -87,6 +87,6 @@ def _look_at_slots(pipeline: Pipeline, seen: NDArray[Any]) -> Sight:
         classes=tracks.classes[told],
         edges=np.empty((0, 2), np.int64),
         labels=labels,
-        seen=seen[pipeline.facts][: len(pipeline.names)],
+        seen=seen[pipeline.facts][: len(pipeline.names)] if pipeline.names else seen,
         names=tuple(f"slot {slots.index(tracks.roles[i])}: {tracks.ids[i]}" for i in told),
     )
