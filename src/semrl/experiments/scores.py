@@ -65,7 +65,15 @@ SWEEPS: dict[Scale, Sweep] = {
                 },
                 "semantic-map": {
                     "env": "semrl/Catch-v0",
-                    "reasoning": {"short_term": {"depth": 3, "scenarios": 4}, "trees": {"first_decisions": 200}},
+                    "pipeline": {"scene": {"tracked": False}},
+                    "reasoning": {
+                        "world": "models",
+                        "short_term": {"depth": 1, "scenarios": 0},
+                        "models": {
+                            "next_state": {"epochs": 1, "hidden_units": [16]},
+                            "reward": {"epochs": 1, "hidden_units": [8], "kind": "network"},
+                        },
+                    },
                 },
             },
         },
