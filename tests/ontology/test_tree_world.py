@@ -106,6 +106,16 @@ def test_what_is_expected_beyond_is_the_return_that_came():
     assert not none.imagine(moment_of(test, 9), np.zeros((4, 5), np.int64)).values.any()
 
 
+@pytest.mark.parametrize(("flips", "kept"), [(1, [0, 1, 2]), (4, [0, 1, 2, 3])])
+def test_numbers_that_hardly_ever_change_are_left_out(flips, kept):
+    part = rally(2000)
+    rare = (np.arange(len(part) + 1) % 500 == 7) & (np.arange(len(part) + 1) < 500 * flips)
+    flipped = np.cumsum(rare).astype(np.float32)[:, None]
+    made = TreeWorld(CONFIG, 4)
+    made.partial_fit(dataclasses.replace(part, states=np.hstack([part.states, flipped])))
+    assert made.varying_.tolist() == kept
+
+
 def test_numbers_that_are_always_the_same_are_left_out_and_stay():
     lived = [rally(300, seed) for seed in range(2)]
     wide = [dataclasses.replace(part, states=np.insert(part.states, [0, 2], 7.0, axis=1)) for part in lived]

@@ -31,6 +31,8 @@ class TreesConfig:
     """Actions before that are looked at: things that have inertia go on by them."""
     resolution: float = 1 / 255
     """Least difference between two states that means anything; RAM features are bytes divided by 255."""
+    least_changes: float = 0.001
+    """Share of the decisions at which a number must have changed, else it is taken to stay as it is."""
     leaf_decisions: int = 2
     """Fewest decisions in a leaf."""
     value_leaf_decisions: int = 20
@@ -50,9 +52,9 @@ class TreesConfig:
                 raise UsageError(f"trees.{name} must be 1 or more, not {getattr(self, name)}")
         if self.past_states < 2 or self.past_actions < 0:
             raise UsageError("trees.past_states must be 2 or more and trees.past_actions 0 or more")
-        if not (self.resolution > 0 and min(self.new_share, self.value_leaf_decisions) >= 0):
+        if not (self.resolution > 0 and min(self.new_share, self.value_leaf_decisions, self.least_changes) >= 0):
             raise UsageError(
-                "trees.resolution must be above 0, trees.new_share and trees.value_leaf_decisions 0 or more"
+                "trees.resolution must be above 0, new_share, value_leaf_decisions and least_changes 0 or more"
             )
 
 
@@ -73,7 +75,7 @@ class TreeWorld:
     Attributes
     ----------
     varying_ : ndarray
-        ``(k,)`` int64, the numbers of a state that are looked at: those that were not always the same.
+        ``(k,)`` int64, the numbers of a state that are looked at: those that change.
 
     Raises
     ------
@@ -179,11 +181,12 @@ class TreeWorld:
     def _lessons(self, lived: Experience) -> tuple[Floats, NDArray[np.float64]]:
         """Return what the trees see of every decision and what they are to predict: changes, reward and return.
 
-        Numbers that were always the same so far are left out.
+        Numbers that hardly ever change are left out.
         """
         unit, c = np.float32(self.config.resolution), self.config
         windows, pasts, actions, rewards, following = lived.windows(c.past_states, c.past_actions)
-        self.varying_ = np.flatnonzero(np.ptp(windows[:, 0], axis=0) > 0)
+        changed = (following != windows[:, 0]).mean(axis=0)
+        self.varying_ = np.flatnonzero((changed > 0) & (changed >= c.least_changes))
         windows, following = np.rint(windows[:, :, self.varying_] / unit), following[:, self.varying_]
         changes = np.rint(following / unit) - windows[:, 0]
         signs = np.sign(rewards)
