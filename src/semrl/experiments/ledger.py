@@ -142,7 +142,7 @@ def enter(folder: Path, score: Score, episodes: NDArray[np.float64]) -> None:
 def score_of(spec: RunSpec, run: Path, planner: float | None) -> tuple[Score, NDArray[np.float64]]:
     """Sum a finished run up: its row and its episodes."""
     manifest = RunFolder.open(run).manifest()
-    rows = [row for row in read_metrics(run / "metrics.csv") if row["phase"] == "agent"]
+    rows = [row for row in read_metrics(run / "metrics.csv") if row["policy"] == "agent"]
     episodes = np.array([(float(row["decisions"]), float(row["return"])) for row in rows]).reshape(-1, 2)
     last = episodes[-RUNNING_MEAN_EPISODES:, 1]
     score = Score(

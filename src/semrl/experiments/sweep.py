@@ -1,4 +1,4 @@
-"""The training runs behind Table 4.1, as data."""
+"""The training runs behind Table 4.1 and other comparisons, as data."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -30,6 +30,8 @@ class RunSpec:
         Nested settings on top of the preset.
     planner_episodes
         Episodes that the planner plays alone after training, where there is a map.
+    variant
+        Tells it from other runs of this preset, model and seed.
     """
 
     preset: str
@@ -38,11 +40,12 @@ class RunSpec:
     frames: int
     overrides: Mapping[str, Any] = field(default_factory=dict)
     planner_episodes: int = 5
+    variant: str = ""
 
     @property
     def id(self) -> str:
         """What it is called."""
-        return f"{self.preset}-{self.model}-{self.seed}"
+        return "-".join(part for part in (self.preset, self.model, str(self.seed), self.variant) if part)
 
     @property
     def has_map(self) -> bool:
