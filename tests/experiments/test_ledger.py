@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from semrl.errors import SemrlError
-from semrl.experiments.ledger import Score, enter, read_ledger, read_scores, summed_up
+from semrl.experiments.ledger import Score, enter, read_ledger, read_scores, score_of, summed_up
 from semrl.experiments.sweep import RunSpec
+from semrl.runs.metrics import read_metrics
 
 SPEC = RunSpec(preset="thesis", model="ram", seed=0, frames=4000)
 SCORE = Score(
@@ -67,3 +68,12 @@ def test_damaged_returns_are_told(tmp_path):
     (tmp_path / "returns" / f"{SPEC.id}.csv").write_text("decisions,return\n900,-21\n10")
     with pytest.raises(SemrlError, match=r"thesis-ram-0\.csv is damaged"):
         read_ledger([tmp_path])
+
+
+def test_games_that_the_planner_played_do_not_count(tracked_run):
+    spec = RunSpec(preset="semrl", model="semantic-map", seed=0, frames=600)
+    score, episodes = score_of(spec, tracked_run, planner=None)
+    rows = [row for row in read_metrics(tracked_run / "metrics.csv") if row["phase"] == "agent"]
+    own = [float(row["return"]) for row in rows if row["policy"] == "agent"]
+    assert score.episodes == len(own) < len(rows)
+    assert episodes[:, 1].tolist() == own and score.mean == pytest.approx(np.mean(own[-10:]))
