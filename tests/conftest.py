@@ -139,7 +139,8 @@ def map_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def tracked_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished run that reasons about the tracked objects of its scenes. Read only."""
     path = tmp_path_factory.mktemp("runs") / "tracked"
-    train(path, tiny("semantic-map", **BY_TREES, pipeline__scene__tracked=True, reasoning__world="trees"))
+    changes = {**BY_TREES, "pipeline.scene.tracked": True, "reasoning.world": "trees", "reasoning.planner_every": 2}
+    train(path, tiny("semantic-map", frames=1000, **changes))
     return path
 
 

@@ -71,7 +71,7 @@ def test_damaged_returns_are_told(tmp_path):
 
 
 def test_games_that_the_planner_played_do_not_count(tracked_run):
-    spec = RunSpec(preset="semrl", model="semantic-map", seed=0, frames=600)
+    spec = RunSpec(preset="semrl", model="semantic-map", seed=0, frames=1000)
     score, episodes = score_of(spec, tracked_run, planner=None)
     rows = [row for row in read_metrics(tracked_run / "metrics.csv") if row["phase"] == "agent"]
     own = [float(row["return"]) for row in rows if row["policy"] == "agent"]
