@@ -39,6 +39,7 @@ def test_bench_tells_every_stage_and_draws_it(call, tmp_path, small, peers):
     assert all(rate > 0 for rate in rates.values())
     assert rates[ELEVATION] == told["elevation_per_second"] and rates[EMULATOR] == told["emulator_per_second"]
     assert told["thesis_stack_per_second"] == (rates[STACK] if peers else None)
+    assert f"{ELEVATION}, tracked scenes" in rates
     assert {row["objects"] for row in told["by_objects"]} == {3, 10}
     assert page.read_text().count("<svg") == 3 and ("thesis's stack" in page.read_text().replace("&#39;", "'")) == peers
 

@@ -21,6 +21,7 @@ from semrl.experiments.peers import ThesisStack, require_peers
 from semrl.experiments.perception import by_frame
 from semrl.experiments.timing import ELEVATION, EMBEDDING, EMULATOR, STACK, Speed, Stage, medians
 from semrl.pipeline import Pipeline
+from semrl.runs import preset
 from semrl.runs.session import limited_threads
 from semrl.stability import StabilityConfig
 from semrl.stages import Schooling
@@ -81,6 +82,9 @@ def measure_speed(config: SpeedConfig, *, peers: bool, say: Callable[[str], None
         pipeline, play = learn_to_see(config.seed)
         frames = [seen.frame for seen in itertools.islice(play, config.frames)]
         stages = upper_line(pipeline, play, frames)
+        tracked, _ = learn_to_see(config.seed, tracked=True)
+        shown = [Observation(frame=frame) for frame in frames]
+        stages.append(Stage(f"{ELEVATION}, tracked scenes", tracked.encode, shown, prepare=tracked.begin_episode))
         stack = None
         if peers:
             say("training the thesis's stack")
@@ -96,9 +100,13 @@ def measure_speed(config: SpeedConfig, *, peers: bool, say: Callable[[str], None
         )
 
 
-def learn_to_see(seed: int) -> tuple[Pipeline, Iterator[Observation]]:
-    """Train perception on random play of Pong; return it, and the play as it goes on."""
-    pipeline = Pipeline(by_frame("semrl").pipeline, "embedding", "pong")
+def learn_to_see(seed: int, *, tracked: bool = False) -> tuple[Pipeline, Iterator[Observation]]:
+    """Train perception on random play of Pong; return it, and the play as it goes on.
+
+    Scenes are of tracked objects, as in the preset `semrl`, or of single frames.
+    """
+    config = preset("semrl", "semantic") if tracked else by_frame("semrl")
+    pipeline = Pipeline(config.pipeline, "embedding", "pong")
     schooling, play = Schooling(pipeline, StabilityConfig()), random_play(Game(make_env(), seed), seed)
     while schooling.current:
         schooling.learn(next(play))
