@@ -195,6 +195,8 @@ class Pipeline:
     def encode_batch(self, observations: Sequence[Observation]) -> NDArray[Any]:
         """Elevate one observation of each of several environments, to the same bits as one by one.
 
+        Where objects are tracked, every environment needs a pipeline of its own; a shallow copy is enough.
+
         Returns
         -------
         ``(len(observations), *shape)`` of ``dtype``.
