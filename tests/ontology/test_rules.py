@@ -5,7 +5,8 @@ import pytest
 
 from semrl.errors import UsageError
 from semrl.ontology.rules import feature_names, read_rules
-from semrl.ontology.trees import Forests, lay_out
+from semrl.ontology.tree_kernels import lay_out
+from semrl.ontology.trees import Forests
 
 NAMES, ACTIONS = ("x", "y"), ("LEFT", "RIGHT")
 

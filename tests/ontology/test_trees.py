@@ -5,7 +5,9 @@ import pytest
 from sklearn.tree import DecisionTreeRegressor
 
 from semrl.ontology.cart import MAX_BINS, bins_of
-from semrl.ontology.trees import Forests, action_column, lay_out
+from semrl.ontology.tree_kernels import lay_out
+from semrl.ontology.trees import Forests, action_column
+from semrl.types import NO_ACTION
 
 
 def wholes(n, d, seed=0, most=30):
@@ -99,3 +101,39 @@ def test_rolled_forward_each_forest_goes_its_own_way_until_a_reward():
     assert rewards.tolist() == [[[0, 0, 1, 0], [0, 0, 0, 0], [0, 0, 0, 0]]] * 2
     np.testing.assert_allclose(values, [[0, -0.9, 0.2]] * 2, atol=1e-3)  # −9 is the least that was seen
     assert rows[:, action_column(1, 2)].tolist() == actions.tolist()
+
+
+def rolled_alone(forests, member, states, actions, sequence):
+    """Roll one sequence in one forest, a decision at a time."""
+    window, past, foreseen, rewards = states, actions, [], np.zeros(len(sequence), np.float32)
+    for t, action in enumerate(sequence):
+        if not rewards.any():
+            told = forests(lay_out(window[None], past[None], np.array([action])))[member, 0]
+            window = np.concatenate([window[:1] + told[:-2], window[:-1]])
+            past = np.append(np.float32(action), past)[: len(past)]
+            rewards[t] = np.rint(told[-2])
+        foreseen.append(window[0])
+    beyond = 0 if rewards.any() else forests(lay_out(window[None], past[None], np.array([NO_ACTION])))[member, 0, -1]
+    return np.array(foreseen), rewards, np.float32(beyond)
+
+
+@pytest.mark.parametrize(("dimension", "past_states", "past_actions"), [(1, 2, 0), (3, 4, 3)])
+def test_together_sequences_come_to_what_each_comes_to_alone(dimension, past_states, past_actions):
+    rng = np.random.default_rng(dimension)
+    windows = rng.normal(size=(900, past_states, dimension)).astype(np.float32)
+    actions = rng.integers(3, size=(900, past_actions + 1))
+    rows = lay_out(windows, actions[:, 1:], actions[:, 0])
+    paid = np.sign(windows[:, 0, 0]) * (np.abs(windows[:, 0, 0]) > 1.5)
+    wanted = np.column_stack([rng.normal(scale=0.5, size=(900, dimension)), paid, rng.normal(size=900)])
+    forests = fitted(rows, wanted, members=2, unseen=action_column(dimension, past_states))
+    beginning = rng.integers(3, size=(5, 4))[rng.integers(5, size=40)]  # many begin alike, and some are alike
+    sequences = np.concatenate([beginning, rng.integers(3, size=(40, 3))], axis=1)
+    sequences[rng.integers(40, size=8)] = sequences[7]
+    known = 0.1 * windows[0], actions[0, 1:].astype(np.float32)
+    states, rewards, values = forests.roll(*known, sequences)
+    for member, s in np.ndindex(2, 40):
+        alone, paid_alone, beyond = rolled_alone(forests, member, *known, sequences[s])
+        assert member or states[s].tobytes() == alone.tobytes()
+        assert rewards[member, s].tobytes() == paid_alone.tobytes() and values[member, s] == beyond
+    ended = rewards.any(axis=2)
+    assert ended.any() and not ended.all()

@@ -39,7 +39,7 @@ class Rule:
 
 
 def feature_names(names: Sequence[str], past_states: int, past_actions: int) -> list[str]:
-    """Name the columns of `semrl.ontology.trees.lay_out`."""
+    """Name the columns of `semrl.ontology.tree_kernels.lay_out`."""
     changes = [
         f"the last change of {name}" if h == 0 else f"the change of {name} {h + 1} decisions ago"
         for h in range(past_states - 1)

@@ -10,7 +10,8 @@ from semrl.arrays import Arrays, nest, unnest
 from semrl.errors import UsageError
 from semrl.ontology.experience import Experience
 from semrl.ontology.rules import Rule, feature_names, read_rules
-from semrl.ontology.trees import Forests, action_column, lay_out
+from semrl.ontology.tree_kernels import lay_out
+from semrl.ontology.trees import Forests, action_column
 from semrl.types import Floats, Ints, Moment, Scenarios, Trajectory
 
 MAX_DIMENSION = 32
