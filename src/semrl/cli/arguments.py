@@ -46,7 +46,8 @@ def _one_line(box: str) -> str:
     plain = [re.sub(r"\x1b\[[0-9;]*m", "", line) for line in box.splitlines()]
     lines = [line.strip("│ \t") for line in plain if not line.startswith(("╭", "╰"))]
     is_rule = re.compile("[─-]{3,}").fullmatch
-    if len(lines) > 1 and is_rule(lines[1]):
+    framed = any(line.startswith("╭") for line in plain)
+    if not framed and len(lines) > 1 and is_rule(lines[1]):
         lines = lines[2:]  # where there are no characters for frames, the title has a line of its own
     said = " ".join(itertools.takewhile(lambda line: not is_rule(line), lines)).rstrip(" .")
     unknown = re.findall(r"--[\w.-]+", said)[:1] if said.startswith("Unrecognized") else []
