@@ -44,8 +44,8 @@ STRETCH_SECONDS = 1.0
 TRAIN, RESUME = "--train-here", "--resume-here"
 """First arguments of the processes that measure."""
 
-LIMITS_GB = {"baseline": 2.0, "otsu": 2.0, "birch": 2.0, "semantic": 1.0, "ram": 1.0}
-"""What a model should stay below: pixels 2 GB, vectors 1 GB."""
+PIXELS_GB, VECTORS_GB = 2.0, 1.0
+"""What models that see images, and those that see vectors, should stay below."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,7 +101,7 @@ def measure(model: str, arguments: Arguments) -> dict[str, Any]:
         run = str(Path(place) / "run")
         row = in_fresh_process(TRAIN, run, model, arguments.preset, str(arguments.seconds))
         row |= in_fresh_process(RESUME, run)
-    limit = LIMITS_GB[model]
+    limit = PIXELS_GB if MODELS[model] in ("grey", "components", "classes") else VECTORS_GB
     below = max(row["training_gb"], row["resuming_gb"]) < limit
     return {"model": model, **row, "limit_gb": limit, "below_limit": below}
 
