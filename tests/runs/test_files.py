@@ -35,6 +35,14 @@ def test_arrays_come_back_bit_for_bit(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["x.npz"]
 
 
+def test_what_was_read_owns_its_memory_so_that_nobody_need_copy_it(tmp_path):
+    arrays = ARRAYS | {"columns": np.asfortranarray(ARRAYS["a/weights"])}
+    write_arrays(tmp_path / "x.npz", arrays)
+    read = read_arrays(tmp_path / "x.npz")
+    assert read["a/weights"].flags.owndata and read["a/weights"].flags.writeable
+    assert digest(read) == digest(arrays)
+
+
 def test_only_what_is_asked_for_is_read(tmp_path):
     write_arrays(tmp_path / "x.npz", ARRAYS)
     assert read_arrays(tmp_path / "x.npz", prefixes=("b/", "meta")).keys() == {"b/number", "meta"}

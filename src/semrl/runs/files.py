@@ -108,7 +108,13 @@ def _read_array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
         array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
         if file.read(1):
             raise ValueError(f"{name} is longer than it says")
-    return array
+    owner = array.base
+    if not isinstance(owner, np.ndarray) or not array.flags.c_contiguous:
+        return array
+    shape = array.shape
+    del array
+    owner.resize(shape, refcheck=False)  # who takes over an array that owns its memory need not copy it
+    return owner
 
 
 def _sync_folder(folder: Path) -> None:
