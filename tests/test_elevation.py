@@ -19,7 +19,8 @@ from semrl.embedding import (
 )
 from semrl.embedding.word_hashes import word_hash
 from semrl.errors import DataError
-from semrl.pipeline import Pipeline
+from semrl.experiments.perception import by_frame
+from semrl.pipeline import Pipeline, PipelineConfig
 from semrl.runs import preset
 from semrl.runs.files import write_arrays
 from semrl.stability import StabilityConfig
@@ -33,14 +34,14 @@ import sys
 import cv2, numpy as np
 from semrl.arrays import digest
 from semrl.pipeline import Pipeline
-from semrl.runs import preset
+from semrl.experiments.perception import by_frame
 from semrl.runs.files import read_arrays
 from semrl.state import Game, make_env
 from semrl.types import Observation
 
 learned, n, batch, threads = sys.argv[1], *map(int, sys.argv[2:])
 cv2.setNumThreads(threads)
-pipeline = Pipeline(preset("semrl", "semantic").pipeline, "embedding")
+pipeline = Pipeline(by_frame("semrl").pipeline, "embedding")
 pipeline.from_arrays(read_arrays(learned))
 game, rng, seen = Game(make_env(), seed=1), np.random.default_rng(1), []
 observation = game.reset()
@@ -60,12 +61,25 @@ print(digest({"vectors": np.concatenate(vectors)}))
 @pytest.fixture(scope="module")
 def pipeline() -> Pipeline:
     """Perception that saw some random play of Pong."""
-    config = preset("semrl", "semantic").pipeline
-    config = replace(
-        config,
-        detection=replace(config.detection, threshold_frames=10),
-        scene=replace(config.scene, scenery_frames=60),
+    config = by_frame("semrl").pipeline
+    return schooled(
+        replace(
+            config,
+            detection=replace(config.detection, threshold_frames=10),
+            scene=replace(config.scene, scenery_frames=60),
+        )
     )
+
+
+@pytest.fixture(scope="module")
+def tracked() -> Pipeline:
+    """The same for scenes of tracked objects."""
+    config = preset("semrl", "semantic").pipeline
+    foreground, roles = replace(config.foreground, background_frames=100), replace(config.roles, frames=100)
+    return schooled(replace(config, foreground=foreground, roles=roles))
+
+
+def schooled(config: PipelineConfig) -> Pipeline:
     pipeline, game, rng = Pipeline(config, "embedding"), Game(make_env(), seed=0), np.random.default_rng(0)
     schooling, observation = Schooling(pipeline, QUICK), game.reset()
     while schooling.current:
@@ -143,6 +157,22 @@ def test_whatever_is_shown_has_a_finite_vector(pipeline: Pipeline, frame: np.nda
     first = pipeline.encode(Observation(frame=frame))
     assert first.shape == (128,) and first.dtype == np.float32 and np.isfinite(first).all()
     np.testing.assert_array_equal(pipeline.encode(Observation(frame=frame)), first)
+
+
+@pytest.mark.parametrize("what", ["black", "white", "noise"])
+def test_tracked_scenes_of_strange_frames_have_finite_vectors(tracked: Pipeline, what: str) -> None:
+    noise = np.random.default_rng(0).integers(0, 256, (210, 160, 3)).astype(np.uint8)
+    frame = {"black": np.zeros_like(noise), "white": np.full_like(noise, 255), "noise": noise}[what]
+    tracked.begin_episode()
+    for _ in range(8):
+        vector = tracked.encode(Observation(frame=frame))
+        assert vector.shape == (128,) and vector.dtype == np.float32 and np.isfinite(vector).all()
+
+
+def test_tracked_scenes_are_of_frames_of_one_size(tracked: Pipeline) -> None:
+    with pytest.raises(DataError, match="the background is of frames") as error:
+        tracked.encode(Observation(frame=np.zeros((33, 500, 3), np.uint8)))
+    assert "\n" not in str(error.value)
 
 
 def test_a_frame_without_objects_is_zeros(pipeline: Pipeline) -> None:
