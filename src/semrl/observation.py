@@ -10,6 +10,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from semrl.embedding import build_scene_graph
 from semrl.errors import UsageError
 from semrl.pipeline import Pipeline
 from semrl.runs import load_pipeline
@@ -148,7 +149,7 @@ def _vector_space(pipeline: Pipeline) -> gym.spaces.Box:
 
 
 def _check_learned(pipeline: Pipeline, output: str) -> None:
-    """Complain of what was not learned; the embedding does so itself when it is shown a black frame."""
+    """Complain of what was not learned; the embedding does so itself when it is shown an empty scene."""
     views = {"labels": ("classes", "embedding"), "vector": ("embedding", "objects")}
     if output not in views:
         raise UsageError(f"output must be 'vector' or 'labels', not '{output}'")
@@ -160,5 +161,5 @@ def _check_learned(pipeline: Pipeline, output: str) -> None:
     detects = pipeline.roles.is_fitted if pipeline.follows else pipeline.detector.is_fitted
     if not (detects and pipeline.pca.is_fitted and pipeline.birch.n_leaves_):
         raise UsageError("this perception has not learned to tell objects apart yet: the run needs more frames")
-    if pipeline.view == "embedding" and output == "vector" and not pipeline.follows:
-        pipeline.embedder.transform(pipeline.scene(np.zeros((IMAGE_SIZE_PX, IMAGE_SIZE_PX), dtype=np.uint8)))
+    if pipeline.view == "embedding" and output == "vector":
+        pipeline.embedder.transform(build_scene_graph(np.empty(0), np.empty((0, 2)), 0.0))
