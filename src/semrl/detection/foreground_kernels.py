@@ -1,12 +1,10 @@
 """The compiled half of the foreground detector: the loops over pixels."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from semrl.kernels import compiled
 from semrl.types import Floats, Frame, Ints
-
-compiled = njit(cache=True, nogil=True)
 
 Places = NDArray[np.int32]
 """``(p,)``: row × width + column of pixels, those of one object behind each other."""

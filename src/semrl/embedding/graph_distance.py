@@ -13,13 +13,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from semrl.errors import DataError, UsageError
+from semrl.kernels import compiled
 from semrl.types import Ints, SceneGraph
-
-compiled = njit(cache=True, nogil=True)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -5,10 +5,10 @@ one pass over the rows and one over the bins, without sorting. On 50,000 rows of
 than a library that sorts, and trees that are grown while a game is going on are grown often.
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from semrl.kernels import compiled
 from semrl.types import Floats, Ints
 
 MAX_BINS = 512
@@ -66,7 +66,7 @@ def grow_tree(
     return nodes, numbers, told[:, 1:].astype(np.float32)
 
 
-@numba.njit(cache=True)
+@compiled
 def _grow(
     places: NDArray[np.uint16], widths: Ints, wanted: NDArray[np.float64], drawn: Ints, leaf_rows: int
 ) -> tuple[NDArray[np.int32], Ints, NDArray[np.float64]]:
@@ -96,7 +96,7 @@ def _grow(
     return nodes[:size].copy(), chosen[:size].copy(), told[:size].copy()
 
 
-@numba.njit(cache=True)
+@compiled
 def _moments(mine: Ints, wanted: NDArray[np.float64]) -> tuple[float, float]:
     """Return mean and mean squared error of what is wanted; the latter is exactly 0 when it is the same for all."""
     total = 0.0
@@ -108,7 +108,7 @@ def _moments(mine: Ints, wanted: NDArray[np.float64]) -> tuple[float, float]:
     return wanted[mine[0]] + shift, squares / len(mine)
 
 
-@numba.njit(cache=True)
+@compiled
 def _best_cut(
     mine: Ints, places: NDArray[np.uint16], widths: Ints, wanted: NDArray[np.float64], leaf_rows: int
 ) -> tuple[int, int]:
@@ -141,7 +141,7 @@ def _best_cut(
     return found, after
 
 
-@numba.njit(cache=True)
+@compiled
 def _part(mine: Ints, places: NDArray[np.uint16], cut: int) -> int:
     """Sort rows in place, those up to the cut first, each side in its order; return how many these are."""
     right = np.empty(len(mine), np.int64)

@@ -1,10 +1,10 @@
 """What the lower line remembers: the episode that is going on, and past ones."""
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from semrl.arrays import Arrays
+from semrl.kernels import compiled
 from semrl.types import NO_ACTION, Floats, Ints, Moment, Trajectory, Transitions
 
 REWARD_WINDOW = 16
@@ -13,7 +13,7 @@ REWARD_WINDOW = 16
 _END = -1  # stands for the action after the last state of an episode
 
 
-@numba.njit(cache=True)
+@compiled
 def discounted(rewards: Floats, ends: NDArray[np.bool_], discount: float) -> Floats:
     """Return the discounted sums of rewards, ``(n,)``, from each place to the next end."""
     returns, total = np.empty(len(rewards), np.float32), 0.0

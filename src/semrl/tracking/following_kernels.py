@@ -3,12 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from semrl.kernels import compiled
 from semrl.types import Floats, Ints
-
-compiled = njit(cache=True, nogil=True)
 
 NEVER = 1e6
 """What it costs to take an object for a track that it cannot be."""

@@ -3,13 +3,11 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from semrl.arrays import Arrays
+from semrl.kernels import compiled
 from semrl.types import Floats, Ints, Tracks
-
-compiled = njit(cache=True, nogil=True)
 
 NEVER = 1e6
 """What it costs to give a track a role that it cannot have."""

@@ -9,6 +9,7 @@ from scipy.optimize import linear_sum_assignment
 
 from semrl.arrays import Arrays, nest, unnest
 from semrl.errors import DataError, UsageError
+from semrl.kernels import compiled
 from semrl.tracking.bonds import Bonds
 from semrl.tracking.following import MOVED_PX
 from semrl.tracking.habits import LEAST_MOVING_SHARE, NEVER, STEADY_DECISIONS, Habits, costs
@@ -70,7 +71,7 @@ class Roles:
         self._habits = Habits()
         self._influence = Influence()
         self._bonds = Bonds()
-        self._known = self._habits.known(self.slots_)
+        self._know()
 
     @property
     def dimension(self) -> int:
@@ -171,12 +172,8 @@ class Roles:
         tracks
             With their roles.
         """
-        vector = np.zeros((self.config.slots, len(SLOT_NUMBERS)), np.float32)
-        vector[: len(self.slots_), :2] = self._habits.means[self.slots_, ::-1]
-        for slot, role in enumerate(self.slots_.tolist()):
-            for i in np.flatnonzero(tracks.roles == role):
-                vector[slot] = *tracks.centres_px[i, ::-1], tracks.unseen[i] == 0
-        vector[:, :2] /= IMAGE_SIZE_PX - 1
+        vector = self._at_rest.copy()
+        _write_slots(vector, self.slots_, tracks.roles, tracks.centres_px, tracks.unseen, IMAGE_SIZE_PX - 1)
         return vector.ravel()
 
     def read(self, vector: Floats) -> tuple[Ints, Floats]:
@@ -186,7 +183,7 @@ class Roles:
         """
         slots = vector.reshape(self.config.slots, len(SLOT_NUMBERS))[: len(self.slots_)]
         seen = slots[:, 2] > 0.5
-        return self.kinds_[self.slots_[seen]], slots[seen, 1::-1] * np.float32(IMAGE_SIZE_PX - 1)
+        return self._slot_kinds[seen], slots[seen, 1::-1] * np.float32(IMAGE_SIZE_PX - 1)
 
     def to_arrays(self) -> Arrays:
         """Return what was counted."""
@@ -221,5 +218,22 @@ class Roles:
         return np.asarray(roles[np.argsort(self.kinds_[roles], kind="stable")])
 
     def _know(self) -> None:
-        """Note what tracks are measured against: all roles while they are learned, then those with slots."""
+        """Note what tracks are measured against, all roles while they are learned, then those with slots; and these."""
         self._known = self._habits.known(self.slots_ if self.is_fitted else np.arange(len(self._habits)))
+        self._slot_kinds = self.kinds_[self.slots_]
+        self._at_rest: Floats = np.zeros((self.config.slots, len(SLOT_NUMBERS)), np.float32)
+        self._at_rest[: len(self.slots_), :2] = self._habits.means[self.slots_, ::-1]
+        self._at_rest[:, :2] /= IMAGE_SIZE_PX - 1
+
+
+@compiled
+def _write_slots(  # noqa: PLR0917 - compiled functions take no keywords
+    vector: Floats, slots: Ints, roles: Ints, centres_px: Floats, unseen: Ints, last_px: int
+) -> None:
+    """Write the tracks that have a role with a slot into ``(slots, 3)``."""
+    for slot in range(len(slots)):
+        for i in range(len(roles)):
+            if roles[i] == slots[slot]:
+                vector[slot, 0] = centres_px[i, 1] / np.float32(last_px)
+                vector[slot, 1] = centres_px[i, 0] / np.float32(last_px)
+                vector[slot, 2] = unseen[i] == 0
