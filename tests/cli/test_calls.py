@@ -19,7 +19,7 @@ from semrl.runs import RunConfig, RunFolder, preset
 from semrl.runs.metrics import read_metrics
 
 TRAIN_KEYS = {"run", "model", "env", "seed", "frames", "decisions", "episodes", "return_mean_last10", "seconds"}
-EVAL_KEYS = {"run", "policy", "episodes", "mean", "std", "min", "max", "returns"}
+EVAL_KEYS = {"run", "policy", "episodes", "mean", "std", "min", "max", "returns", "lengths"}
 
 
 def only_json(result):

@@ -131,3 +131,25 @@ def test_checkpoints_that_do_not_fit_are_told(tmp_path, tiny, baseline_run):
     )
     with pytest.raises(SemrlError, match="does not fit its configuration"):
         load_pipeline(run.path)
+
+
+def test_a_milestone_plays_as_the_run_did_then(tmp_path, tiny):
+    config = dataclasses.replace(tiny(), milestones=(91, 120))
+    train(tmp_path / "whole", config)
+    half = stopped(tmp_path / "half", tiny(), 90)
+    assert load_player(half).decisions == load_player(tmp_path / "whole", at=91).decisions == 91
+    then, now = evaluate(tmp_path / "whole", episodes=2, at=91), evaluate(half, episodes=2)
+    assert then == dataclasses.replace(now, run=then.run)
+    assert (tmp_path / "whole" / "evaluation-at-91.json").exists()
+    with pytest.raises(UsageError, match="has no milestone of decision 92, there are those of decisions 91, 120"):
+        evaluate(tmp_path / "whole", at=92)
+    with pytest.raises(UsageError, match="there are none"):
+        evaluate(half, at=91)
+
+
+def test_milestones_change_nothing_else(tmp_path, tiny):
+    config = tiny()
+    train(tmp_path / "plain", config)
+    train(tmp_path / "kept", dataclasses.replace(config, milestones=(100,)))
+    plain, kept = (RunFolder.open(tmp_path / name).manifest()["hashes"] for name in ("plain", "kept"))
+    assert plain == kept

@@ -89,6 +89,19 @@ def test_the_planner_plays_and_leaves_the_agents_result_alone(own_run):
     assert evaluate(own_run, episodes=3, policy="planner") == planner  # and it plays the same again
 
 
+def test_other_conditions_leave_the_plain_result_alone_and_stand_in_the_files_name(own_run):
+    plain = evaluate(own_run, episodes=2)
+    written = (own_run / "evaluation.json").read_bytes()
+    shaken = evaluate(own_run, episodes=2, exploration=1.0)
+    assert (own_run / "evaluation.json").read_bytes() == written
+    told = json.loads((own_run / "evaluation-random-1.json").read_text())
+    assert told.pop("with")["exploration"] == 1.0 and told == dataclasses.asdict(shaken)
+    assert shaken.lengths != plain.lengths or shaken.returns != plain.returns
+    evaluate(own_run, episodes=1, policy="planner", sticky_actions=0.25)
+    path = own_run / "evaluation-planner-sticky-0.25.json"
+    assert json.loads(path.read_text())["with"]["sticky_actions"] == 0.25
+
+
 def test_playing_by_plans_learns_nothing(own_run):
     before = [path.read_bytes() for path in sorted((own_run / "checkpoints").iterdir())]
     graph = load_map(own_run).graph

@@ -58,7 +58,7 @@ class DQNConfig:
     """Choose the next action by the online network, value it by the target network (van Hasselt et al. 2016)."""
     target_rate: float = 1.0
     """Share of the online weights taken over at each renewal of the target network."""
-    target_updates: int = 10_000
+    target_updates: int = 250
     """Updates between two renewals of the target network."""
     clip_rewards: bool = True
     """Learn from the sign of the reward only."""

@@ -28,6 +28,12 @@ class EvalArguments:
     """Of the episodes [default: one that training did not use]."""
     policy: Policy = "agent"
     """Who decides: the agent, or the planner's best scenario alone (models with a map)."""
+    exploration: float | None = None
+    """Probability of a random action [default: what the run is configured for, 0]."""
+    sticky_actions: float | None = None
+    """Probability that a frame repeats the previous action [default: as in training, 0]."""
+    at: int | None = None
+    """Play as the agent was after so many decisions: one of the run's milestones [default: as it is now]."""
     video: Path | None = None
     """Write the first episode, with its objects marked, as an .mp4 file."""
     json: bool = False
@@ -60,6 +66,9 @@ def main(argv: Sequence[str]) -> None:
             episodes=episodes,
             seed=arguments.seed,
             policy=arguments.policy,
+            exploration=arguments.exploration,
+            sticky_actions=arguments.sticky_actions,
+            at=arguments.at,
             on_episode=on_episode,
             on_step=on_step,
         )
@@ -69,5 +78,6 @@ def main(argv: Sequence[str]) -> None:
     console.print(summary({
         "mean return": f"{result.mean:.2f} ± {result.std:.2f} over {result.episodes} episodes",
         "from … to": f"{result.min:.0f} … {result.max:.0f}",
+        "decisions each": f"{min(result.lengths):,} … {max(result.lengths):,}",
         **({"video": arguments.video} if arguments.video else {}),
     }))  # fmt: skip

@@ -17,7 +17,7 @@ from semrl.ontology import EpisodeRecord, StateMap
 from semrl.ontology.description import describe
 from semrl.reasoning import Reasoner
 from semrl.runs import load_player
-from semrl.runs.evaluation import EVALUATION_SEED, Player
+from semrl.runs.evaluation import EVALUATION_SEED, PROBING, Player
 from semrl.types import Trajectory
 
 STATES = {"semantic-map": "semantic", "ram-map": "ram"}
@@ -87,7 +87,7 @@ def measure(settings: Settings, lab: Lab) -> Result:
             continue
         lab.say(f"next states, rewards and map of {spec.id}")
         try:
-            player = load_player(lab.run_folder(spec))
+            player = load_player(lab.run_folder(spec)).under(exploration=PROBING)
             reasoner = player.require_map(spec.id)
         except UsageError as error:
             notes.append(f"{spec.id} was not tested: {error}")

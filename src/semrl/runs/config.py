@@ -31,8 +31,10 @@ class EvaluationConfig:
     """Episodes to play."""
     max_noops: int = 30
     """At most so many random no-op decisions at the start of an episode, in games that have an action for it."""
-    exploration: float = 0.01
-    """Probability of a random action, the least of training (§3.3): in a deterministic game it tells episodes apart."""
+    exploration: float = 0.0
+    """Probability of a random action; 0: the agent always does what it values most."""
+    sticky_actions: float = 0.0
+    """Probability that a frame repeats the previous action (Machado et al. 2018), whatever it was in training."""
 
     def __post_init__(self) -> None:
         if self.episodes < 1 or self.max_noops < 0:
@@ -40,8 +42,9 @@ class EvaluationConfig:
                 f"evaluation.episodes must be 1 or more, evaluation.max_noops 0 or more; "
                 f"not {self.episodes} and {self.max_noops}"
             )
-        if not 0 <= self.exploration <= 1:
-            raise UsageError(f"evaluation.exploration is a probability from 0 to 1, not {self.exploration}")
+        for name in ("exploration", "sticky_actions"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise UsageError(f"evaluation.{name} is a probability from 0 to 1, not {getattr(self, name)}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +75,8 @@ class RunConfig:
     """How models with a map plan."""
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
     """How the agent is tested."""
+    milestones: tuple[int, ...] = ()
+    """Decisions after which the agent, as it is then, is kept for `semrl eval --at`; does not change the result."""
 
     def __post_init__(self) -> None:
         if self.frames < self.environment.frame_skip:
@@ -83,6 +88,8 @@ class RunConfig:
             raise UsageError(f"seed must lie between 0 and 2^63 - 1, not {self.seed}")
         if not 1 <= self.threads <= MAX_THREADS:
             raise UsageError(f"threads must lie between 1 and {MAX_THREADS}, not {self.threads}")
+        if any(milestone < 1 for milestone in self.milestones):
+            raise UsageError(f"milestones are decisions, from 1 on, not {self.milestones}")
         if not self.checkpoint_seconds >= 0:
             raise UsageError(f"checkpoint_seconds must be 0 or more, not {self.checkpoint_seconds}")
 

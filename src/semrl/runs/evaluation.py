@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,9 @@ Policy = Literal["agent", "planner"]
 EVALUATION_SEED = 1_000_000
 """Added to a run's seed for its evaluation."""
 
+PROBING = 0.01
+"""Probability of a random action where foresight is tested: a game that is always played alike tells little."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluationResult:
@@ -40,6 +43,8 @@ class EvaluationResult:
     min: float
     max: float
     returns: list[float]
+    lengths: list[int]
+    """Decisions of each episode: games that went alike are of one length."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -77,14 +82,21 @@ class Player:
     perceiving: bool
     """Whether perception was still being learned at this checkpoint."""
 
+    def under(self, **conditions: Any) -> Self:
+        """Return the same player, tested under other conditions: fields of `EvaluationConfig`."""
+        tested = replace(self.config.evaluation, **conditions)
+        return replace(self, config=replace(self.config, evaluation=tested))
+
     def new_game(self, seed: int) -> Game:
         """Make the game that it was trained on, begun at random where the game has an action for waiting."""
         environment = self.config.environment
         env = make_env(self.config.env, environment)
-        noops = self.config.evaluation.max_noops
-        if noops and "NOOP" in action_meanings(env.unwrapped):
-            env = make_env(self.config.env, replace(environment, max_noops=noops))
-        return Game(env, seed)
+        tested = self.config.evaluation
+        if tested.sticky_actions:
+            environment = replace(environment, sticky_actions=tested.sticky_actions)
+        if tested.max_noops and "NOOP" in action_meanings(env.unwrapped):
+            environment = replace(environment, max_noops=tested.max_noops)
+        return Game(make_env(self.config.env, environment), seed)
 
     def episode(self, number: int, seed: int, policy: Policy = "agent") -> Iterator[Step]:
         """Play one of the episodes of an evaluation: the same one for the same number and seed."""
@@ -149,21 +161,28 @@ def evaluate(
     episodes: int | None = None,
     seed: int | None = None,
     policy: Policy = "agent",
+    exploration: float | None = None,
+    sticky_actions: float | None = None,
+    at: int | None = None,
     on_episode: Callable[[float], None] = lambda _: None,
     on_step: Callable[[int, Step], None] = lambda _episode, _step: None,
 ) -> EvaluationResult:
-    """Play a run greedily and write ``evaluation.json`` (the planner: ``evaluation-planner.json``) into its folder.
+    """Play a run greedily and write ``evaluation.json`` into its folder.
+
+    What is asked for beyond that stands in the file's name: see `result_path`.
 
     Parameters
     ----------
     run
         Folder of the run; its newest checkpoint plays.
-    episodes
-        How many; the run's ``evaluation.episodes`` when None.
+    episodes, exploration, sticky_actions
+        As in `EvaluationConfig`; the run's own when None.
     seed
         Of the episodes; when None, one that training did not use.
     policy
         Who decides.
+    at
+        Decisions after which the run is tested: one of its milestones; as it is now when None.
     on_episode
         Is told the return of each episode.
     on_step
@@ -172,32 +191,52 @@ def evaluate(
     Raises
     ------
     UsageError
-        When there is no such run, its agent has not begun to learn, there is nothing to play, or a planner is
-        asked for where there is no map.
+        When there is no such run or milestone, its agent has not begun to learn, there is nothing to play, or a
+        planner is asked for where there is no map.
     """
     if (episodes is not None and episodes < 1) or (seed is not None and seed < 0):
         raise UsageError(f"episodes must be 1 or more and seed 0 or more, not {episodes} and {seed}")
-    player = load_player(run)
+    asked = {"episodes": episodes, "exploration": exploration, "sticky_actions": sticky_actions}
+    player = load_player(run, at).under(**{name: value for name, value in asked.items() if value is not None})
     if player.perceiving:
         raise UsageError(f"{run} has not learned to see yet, so there is no agent to play with: it needs more frames")
     if policy == "planner":
         player.require_map(run)
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
     returns: list[float] = []
+    lengths: list[int] = []
     with limited_threads(player.config.threads):
-        for episode in range(episodes or player.config.evaluation.episodes):
+        for episode in range(player.config.evaluation.episodes):
+            decisions = -1  # the first step is the beginning
             for step in player.episode(episode, seed, policy):
+                decisions += 1
                 on_step(episode, step)
             returns.append(step.total)
+            lengths.append(decisions)
             on_episode(step.total)
-    result = _summed_up(run, policy, returns)
+    result = _summed_up(run, policy, returns, lengths)
     provenance = {"decisions": player.decisions, "seed": seed, **asdict(player.config.evaluation)}
-    name = "evaluation.json" if policy == "agent" else f"evaluation-{policy}.json"
-    write_text(Path(run) / name, json.dumps(asdict(result) | {"with": provenance}, indent=2) + "\n")
+    path = result_path(run, policy=policy, exploration=exploration, sticky_actions=sticky_actions, at=at)
+    write_text(path, json.dumps(asdict(result) | {"with": provenance}, indent=2) + "\n")
     return result
 
 
-def _summed_up(run: str | Path, policy: Policy, returns: list[float]) -> EvaluationResult:
+def result_path(
+    run: str | Path,
+    *,
+    policy: Policy = "agent",
+    exploration: float | None = None,
+    sticky_actions: float | None = None,
+    at: int | None = None,
+) -> Path:
+    """Return where `evaluate` writes: ``evaluation.json``, or ``evaluation-planner-sticky-0.25-at-50000.json``."""
+    said = {"random": exploration, "sticky": sticky_actions, "at": at}
+    parts = [] if policy == "agent" else [policy]
+    parts += [f"{name}-{value:g}" for name, value in said.items() if value is not None]
+    return Path(run) / f"{'-'.join(['evaluation', *parts])}.json"
+
+
+def _summed_up(run: str | Path, policy: Policy, returns: list[float], lengths: list[int]) -> EvaluationResult:
     return EvaluationResult(
         run=str(run),
         policy=policy,
@@ -207,6 +246,7 @@ def _summed_up(run: str | Path, policy: Policy, returns: list[float]) -> Evaluat
         min=min(returns),
         max=max(returns),
         returns=returns,
+        lengths=lengths,
     )
 
 
@@ -221,11 +261,11 @@ def load_pipeline(run: str | Path) -> Pipeline:
     return load_player(run).pipeline
 
 
-def load_player(run: str | Path) -> Player:
-    """Return the agent and the perception of a run, as of its newest checkpoint."""
+def load_player(run: str | Path, at: int | None = None) -> Player:
+    """Return the agent and the perception of a run, as of its newest checkpoint or of a milestone."""
     folder = RunFolder.open(Path(run))
     config = folder.config()
-    checkpoint = folder.load(prefixes=PLAYABLE)
+    checkpoint = folder.load(prefixes=PLAYABLE, at=at)
     if checkpoint is None:
         raise UsageError(f"{run} has no checkpoint yet; go on with: semrl train --run {run} --resume")
     trainer = build_trainer(replace(config, agent=replace(config.agent, replay_capacity=config.agent.n_steps + 1)))

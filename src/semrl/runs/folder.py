@@ -5,7 +5,7 @@ import os
 import platform
 import shutil
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Self
@@ -124,24 +124,35 @@ class RunFolder:
 
     def save(self, checkpoint: Checkpoint, *, keep: int = KEPT_CHECKPOINTS) -> Path:
         """Write a checkpoint, then remove the ones before the last few."""
-        meta = {"format": FORMAT, "metrics_rows": checkpoint.metrics_rows, "seconds": checkpoint.seconds}
-        path = self.path / "checkpoints" / f"{int(checkpoint.arrays['decisions']):010d}.npz"
-        write_arrays(path, {"meta": json_to_array(meta), **checkpoint.arrays})
+        path = self.path / "checkpoints" / _file_name(checkpoint)
+        _write(path, checkpoint)
         for old in self.checkpoints()[:-keep]:
             old.unlink()
         return path
 
-    def load(self, prefixes: tuple[str, ...] = ("",)) -> Checkpoint | None:
-        """Read the newest checkpoint, or only arrays whose names begin with one of the prefixes.
+    def milestones(self) -> dict[int, Path]:
+        """Return what is kept of the way, by decisions."""
+        return {int(path.stem): path for path in sorted((self.path / "milestones").glob("*.npz"))}
 
-        Returns None when there is none.
+    def save_milestone(self, checkpoint: Checkpoint) -> None:
+        """Keep what is needed to play, for good."""
+        (self.path / "milestones").mkdir(exist_ok=True)
+        playable = replace(checkpoint, arrays=weights(checkpoint.arrays))
+        _write(self.path / "milestones" / _file_name(checkpoint), playable)
+
+    def load(self, prefixes: tuple[str, ...] = ("",), at: int | None = None) -> Checkpoint | None:
+        """Read the newest checkpoint or a milestone, or only arrays whose names begin with one of the prefixes.
+
+        Returns None when there is no checkpoint yet.
 
         Raises
         ------
+        UsageError
+            When there is no such milestone.
         SemrlError
             When it is damaged; the message says how to go back to the one before.
         """
-        paths = self.checkpoints()
+        paths = self.checkpoints() if at is None else [self._milestone(at)]
         if not paths:
             return None
         try:
@@ -153,6 +164,13 @@ class RunFolder:
         if meta["format"] != FORMAT:
             raise UsageError(f"{paths[-1]} has format {meta['format']}; this semrl reads format {FORMAT}")
         return Checkpoint(arrays=arrays, metrics_rows=meta["metrics_rows"], seconds=meta["seconds"])
+
+    def _milestone(self, at: int) -> Path:
+        kept = self.milestones()
+        if at not in kept:
+            there = f"those of decisions {', '.join(map(str, kept))}" if kept else "none"
+            raise UsageError(f"{self.path} has no milestone of decision {at}, there are {there}")
+        return kept[at]
 
     def locked(self) -> AbstractContextManager[None]:
         """Keep other processes from training the same run.
@@ -166,8 +184,22 @@ class RunFolder:
 
     def clean(self) -> None:
         """Remove what an interrupted write left behind."""
-        for left in [*self.path.glob("*.tmp"), *(self.path / "checkpoints").glob("*.tmp")]:
+        for left in [
+            *self.path.glob("*.tmp"),
+            *self.path.glob("checkpoints/*.tmp"),
+            *self.path.glob("milestones/*.tmp"),
+        ]:
             left.unlink()
+
+
+def _file_name(checkpoint: Checkpoint) -> str:
+    return f"{int(checkpoint.arrays['decisions']):010d}.npz"
+
+
+def _write(path: Path, checkpoint: Checkpoint) -> None:
+    """Write arrays and, as one more of them, what belongs beside them."""
+    meta = {"format": FORMAT, "metrics_rows": checkpoint.metrics_rows, "seconds": checkpoint.seconds}
+    write_arrays(path, {"meta": json_to_array(meta), **checkpoint.arrays})
 
 
 def _read_meta(path: Path, arrays: Arrays) -> dict[str, Any]:

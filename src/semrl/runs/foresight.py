@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from semrl.errors import UsageError
 from semrl.pipeline import Pipeline
 from semrl.protocols import WorldModel
-from semrl.runs.evaluation import EVALUATION_SEED, Player, Policy, Step, load_player
+from semrl.runs.evaluation import EVALUATION_SEED, PROBING, Player, Policy, Step, load_player
 from semrl.runs.session import limited_threads
 from semrl.types import Floats
 
@@ -70,7 +70,7 @@ def foresight(
     """
     if decisions < 1:
         raise UsageError(f"decisions must be 1 or more, not {decisions}")
-    player = load_player(run)
+    player = load_player(run).under(exploration=PROBING)
     world = player.require_map(run).world
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
     facts: Spans = {horizon: [] for horizon in HORIZONS}

@@ -155,7 +155,9 @@ class _Session:
         self.metrics.write(row)
 
     def on_decision(self, trainer: Trainer) -> None:
-        """Save when it is time, at the end of each phase, and when asked to stop."""
+        """Save when it is time, at milestones, at the end of each phase, and when asked to stop."""
+        if trainer.decisions_ in self.config.milestones:
+            self.folder.save_milestone(self._checkpoint())
         due = time.monotonic() - self._saved_at > self.config.checkpoint_seconds
         if due or trainer.phase != self._phase or self._stopped_by:
             self._phase = trainer.phase
@@ -186,12 +188,15 @@ class _Session:
             raise SemrlError(f"{name} does not fit this run's configuration ({error})") from error
 
     def _save(self) -> None:
+        checkpoint = self._checkpoint()
+        self.metrics.flush()
+        self.folder.save(checkpoint)
+        self._saved_at = time.monotonic()
+
+    def _checkpoint(self) -> Checkpoint:
         arrays = self.trainer.to_arrays()
         _check_weights(arrays)
-        self.metrics.flush()
-        rows, seconds = self.metrics.n_rows, self.metrics.seconds
-        self.folder.save(Checkpoint(arrays=arrays, metrics_rows=rows, seconds=seconds))
-        self._saved_at = time.monotonic()
+        return Checkpoint(arrays=arrays, metrics_rows=self.metrics.n_rows, seconds=self.metrics.seconds)
 
     def _finish(self) -> TrainResult:
         """Note the hashes of everything, then keep what is needed to play and drop the rest."""
