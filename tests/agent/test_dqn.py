@@ -33,21 +33,26 @@ def live(agent, decisions, seed=0, episode=9, start=0):
     return agent
 
 
-def test_the_learning_rate_falls_through_the_second_half_of_the_budget():
+def test_learning_rate_and_exploration_fall_through_the_second_half_of_the_budget():
     settings = {"network": SMALL, "learning_rate": 1e-3, "final_learning_rate": 0.1, "initial_buffer": 20}
+    settings |= {"exploration_frames": 40, "exploration_min": 0.02, "final_exploration": 0.0}
     agent = DQN(DQNConfig(**settings), (3,), np.float32, 2, frame_skip=4, seed=0, budget=100)
-    rates = []
+    rates, explored = [], []
     for i in range(11):
         rates.append(agent.learning_rate)
+        explored.append(agent.exploration)
         live(agent, 10, start=10 * i)
     assert rates[:6] == [1e-3] * 6
     assert rates[6:] == pytest.approx([8.2e-4, 6.4e-4, 4.6e-4, 2.8e-4, 1e-4])
+    assert explored == pytest.approx([1.0, *[0.02] * 5, 0.016, 0.012, 0.008, 0.004, 0.0])
     assert agent.learning_rate == pytest.approx(1e-4)  # beyond the budget
     assert agent.optimiser.param_groups[0]["lr"] == pytest.approx(1e-4)
 
 
-def test_without_a_budget_the_learning_rate_stays():
-    assert live(agent_with(final_learning_rate=0.1), 40).learning_rate == DQNConfig().learning_rate
+def test_without_a_budget_learning_rate_and_least_exploration_stay():
+    agent = live(agent_with(final_learning_rate=0.1, final_exploration=0.0, exploration_frames=40), 40)
+    assert agent.learning_rate == DQNConfig().learning_rate
+    assert agent.exploration == pytest.approx(DQNConfig().exploration_min)
 
 
 def copied(arrays):

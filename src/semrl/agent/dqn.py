@@ -26,6 +26,8 @@ class DQNConfig:
     """Probability of a random action at the beginning."""
     exploration_min: float = 0.01
     """Probability of a random action at the end; the decay is exponential."""
+    final_exploration: float = 1.0
+    """What is left of it at the end of the budget, as a share; it falls evenly through the second half."""
     heads: int = 1
     """Estimates of the values side by side (bootstrapped DQN, Osband et al. 2016); one at a time is followed."""
     head_decisions: int = 100
@@ -86,7 +88,7 @@ _COUNTS = (
     "target_updates",
 )  # fmt: skip
 _SHARES = (
-    "exploration_min", "exploration_max", "final_learning_rate", "adam_beta1", "adam_beta2", "discount", "reward_share",
+    "exploration_min", "exploration_max", "final_exploration", "final_learning_rate", "adam_beta1", "adam_beta2", "discount", "reward_share",
     "target_rate",
 )  # fmt: skip
 _POSITIVE = ("exploration_min", "learning_rate", "adam_epsilon", "target_rate")
@@ -110,7 +112,7 @@ class DQN:
     goal_size
         How many numbers at the end of an observation are a goal (§3.4.4).
     budget
-        Decisions in all, by which the learning rate falls; when None, it does not.
+        Decisions in all, by which learning rate and exploration fall late; when None, they do not.
     """
 
     def __init__(
@@ -152,13 +154,18 @@ class DQN:
         """Probability that the next action is random: exponential decay from maximum to minimum."""
         c = self.config
         progress = min(1.0, self.decisions_ * self.frame_skip / c.exploration_frames)
-        return float(c.exploration_max * (c.exploration_min / c.exploration_max) ** progress)
+        usual = float(c.exploration_max * (c.exploration_min / c.exploration_max) ** progress)
+        return usual * self._late(c.final_exploration)
 
     @property
     def learning_rate(self) -> float:
         """Step size of the next update."""
+        return self.config.learning_rate * self._late(self.config.final_learning_rate)
+
+    def _late(self, final: float) -> float:
+        """Return what is left now of something of which a share is left at the end of the budget."""
         late = 0.0 if self.budget is None else max(0.0, 2 * min(1.0, self.decisions_ / self.budget) - 1)
-        return self.config.learning_rate * (1 - late * (1 - self.config.final_learning_rate))
+        return 1 - late * (1 - final)
 
     def act(self, state: NDArray[Any], advised: int | None = None) -> int:
         """Choose an action for ``(2, *shape)``, the current and the previous observation: ε-greedy.
