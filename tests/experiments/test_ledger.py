@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from semrl.errors import SemrlError
-from semrl.experiments.ledger import Score, enter, read_ledger, read_scores, score_of, summed_up
+from semrl.experiments.ledger import Score, enter, read_ledger, read_table, score_of, summed_up
 from semrl.experiments.sweep import RunSpec
 from semrl.runs.metrics import read_metrics
 
@@ -27,7 +27,7 @@ def test_what_is_entered_is_read_again(tmp_path):
     enter(tmp_path, SCORE, EPISODES)
     enter(tmp_path, SCORE, EPISODES)  # again: it stands there once
     ledger = read_ledger([tmp_path])
-    assert read_scores(tmp_path / "runs.csv") == [SCORE]
+    assert read_table(tmp_path / "runs.csv", Score) == [SCORE]
     assert ledger.score(SPEC) == SCORE
     np.testing.assert_array_equal(ledger.episodes(SPEC), EPISODES)
     np.testing.assert_array_equal(ledger.last_returns(SPEC), EPISODES[:, 1])
@@ -72,7 +72,7 @@ def test_damaged_returns_are_told(tmp_path):
 
 def test_games_that_the_planner_played_do_not_count(tracked_run):
     spec = RunSpec(preset="semrl", model="semantic-map", seed=0, frames=1000)
-    score, episodes = score_of(spec, tracked_run, planner=None)
+    score, episodes, _ = score_of(spec, tracked_run)
     rows = [row for row in read_metrics(tracked_run / "metrics.csv") if row["phase"] == "agent"]
     own = [float(row["return"]) for row in rows if row["policy"] == "agent"]
     assert score.episodes == len(own) < len(rows)

@@ -149,7 +149,7 @@ def test_interquartile_mean_and_its_interval():
 
 def test_without_runs_there_is_no_number(tmp_path):
     scores = discover()["scores"]
-    lab = Lab(scale="tiny", folder=tmp_path, ledger=Ledger(scores={}, returns={}))
+    lab = Lab(scale="tiny", folder=tmp_path, ledger=Ledger(scores={}, returns={}, outcomes={}))
     result = scores.measure(scores.settings["tiny"], lab)
     assert not result.values
     assert not result.figures

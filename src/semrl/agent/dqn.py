@@ -88,8 +88,8 @@ _COUNTS = (
     "target_updates",
 )  # fmt: skip
 _SHARES = (
-    "exploration_min", "exploration_max", "final_exploration", "final_learning_rate", "adam_beta1", "adam_beta2", "discount", "reward_share",
-    "target_rate",
+    "exploration_min", "exploration_max", "final_exploration", "final_learning_rate", "adam_beta1", "adam_beta2",
+    "discount", "reward_share", "target_rate",
 )  # fmt: skip
 _POSITIVE = ("exploration_min", "learning_rate", "adam_epsilon", "target_rate")
 

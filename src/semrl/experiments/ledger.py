@@ -1,23 +1,27 @@
-"""The ledger of finished runs: a row for each in ``runs.csv``, its episodes in ``returns/ID.csv``.
+"""The ledger of finished runs: a row for each in ``runs.csv``, for each of its trials in ``trials.csv``, and its
+training episodes in ``returns/ID.csv``.
 
 What stands here is done, even when the folder of the run is gone.
 """
 
 import csv
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semrl.errors import SemrlError
 from semrl.experiments.sweep import RunSpec
+from semrl.experiments.trials import Outcome, Trial, outcome_of
 from semrl.runs import RunFolder
 from semrl.runs.files import write_text
 from semrl.runs.metrics import RUNNING_MEAN_EPISODES, read_metrics
+
+RUNS, TRIALS = "runs.csv", "trials.csv"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +61,7 @@ class Score:
     weights: str
 
 
-COLUMNS = tuple(field.name for field in fields(Score))
+Row = TypeVar("Row", Score, Outcome)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,14 +74,21 @@ class Ledger:
         By id and budget in frames.
     returns
         By id and budget: ``(episodes, 2)``, decisions at the end of each training episode and its return.
+    outcomes
+        By id, budget and name of the trial.
     """
 
     scores: Mapping[tuple[str, int], Score]
     returns: Mapping[tuple[str, int], NDArray[np.float64]]
+    outcomes: Mapping[tuple[str, int, str], Outcome]
 
     def score(self, spec: RunSpec) -> Score | None:
         """Return what a run has scored; None while it is not finished."""
         return self.scores.get((spec.id, spec.frames))
+
+    def outcome(self, spec: RunSpec, trial: Trial) -> Outcome | None:
+        """Return what a trial of a run came to; None while it was not held."""
+        return self.outcomes.get((spec.id, spec.frames, trial.name))
 
     def last_returns(self, spec: RunSpec) -> NDArray[np.float64]:
         """Return the returns of the last episodes, ``(≤ 10,)``."""
@@ -99,17 +110,20 @@ def read_ledger(folders: Iterable[Path]) -> Ledger:
     """
     scores: dict[tuple[str, int], Score] = {}
     returns: dict[tuple[str, int], NDArray[np.float64]] = {}
+    outcomes: dict[tuple[str, int, str], Outcome] = {}
     for folder in folders:
-        for score in read_scores(folder / "runs.csv"):
+        for score in read_table(folder / RUNS, Score):
             key = (score.id, score.frames)
             if key not in scores:
                 scores[key] = score
                 returns[key] = _read_returns(folder / "returns" / f"{score.id}.csv")
-    return Ledger(scores=scores, returns=returns)
+        for outcome in read_table(folder / TRIALS, Outcome):
+            outcomes.setdefault((outcome.id, outcome.frames, outcome.trial), outcome)
+    return Ledger(scores=scores, returns=returns, outcomes=outcomes)
 
 
-def read_scores(path: Path) -> list[Score]:
-    """Read ``runs.csv``; nothing where there is none.
+def read_table(path: Path, kind: type[Row]) -> list[Row]:
+    """Read ``runs.csv`` or ``trials.csv``; nothing where there is none.
 
     Raises
     ------
@@ -118,29 +132,31 @@ def read_scores(path: Path) -> list[Score]:
     """
     if not path.exists():
         return []
+    columns = tuple(field.name for field in fields(kind))
     try:
         text = path.read_text()
         table = csv.DictReader(text.splitlines())
-        if tuple(table.fieldnames or ()) != COLUMNS:
-            raise ValueError(f"it does not have the columns {', '.join(COLUMNS)}")
+        if tuple(table.fieldnames or ()) != columns:
+            raise ValueError(f"it does not have the columns {', '.join(columns)}")
         if not text.endswith("\n"):
             raise ValueError("its last line is not whole")
-        return [_score(row) for row in table]
+        return [_row(line, kind) for line in table]
     except (OSError, ValueError, TypeError, csv.Error) as error:
         raise SemrlError(f"{path} is damaged: {error}") from None
 
 
-def enter(folder: Path, score: Score, episodes: NDArray[np.float64]) -> None:
+def enter(folder: Path, score: Score, episodes: NDArray[np.float64], outcomes: Sequence[Outcome] = ()) -> None:
     """Write a finished run into the ledger of a folder; its row comes last, and says that all is there."""
     (folder / "returns").mkdir(exist_ok=True)
     lines = [f"{decisions:.0f},{total:g}\n" for decisions, total in episodes]
     write_text(folder / "returns" / f"{score.id}.csv", "decisions,return\n" + "".join(lines))
-    kept = [other for other in read_scores(folder / "runs.csv") if other.id != score.id]
-    write_text(folder / "runs.csv", _as_csv([*kept, score]))
+    _replace(folder / TRIALS, score.id, outcomes)
+    _replace(folder / RUNS, score.id, [score])
 
 
-def score_of(spec: RunSpec, run: Path, planner: float | None) -> tuple[Score, NDArray[np.float64]]:
-    """Sum a finished run up: its row and its episodes."""
+def score_of(spec: RunSpec, run: Path) -> tuple[Score, NDArray[np.float64], list[Outcome]]:
+    """Sum a finished run up: its row, its episodes and its trials."""
+    outcomes = [outcome_of(trial, run, id_=spec.id, frames=spec.frames) for trial in spec.trials]
     manifest = RunFolder.open(run).manifest()
     rows = [row for row in read_metrics(run / "metrics.csv") if row["policy"] == "agent"]
     episodes = np.array([(float(row["decisions"]), float(row["return"])) for row in rows]).reshape(-1, 2)
@@ -153,13 +169,13 @@ def score_of(spec: RunSpec, run: Path, planner: float | None) -> tuple[Score, ND
         frames=spec.frames,
         episodes=len(episodes),
         **summed_up(last),
-        planner=planner,
+        planner=next((outcome.mean for outcome in outcomes if outcome.trial == "planner"), None),
         seconds=manifest["result"]["seconds"],
         versions=" ".join(f"{name}={value}" for name, value in manifest["versions"].items()),
         machine=" ".join(str(value) for value in manifest["machine"].values()),
         weights=manifest["hashes"]["weights"][:16],
     )
-    return score, episodes
+    return score, episodes, outcomes
 
 
 def summed_up(returns: NDArray[np.float64]) -> dict[str, float | None]:
@@ -170,21 +186,28 @@ def summed_up(returns: NDArray[np.float64]) -> dict[str, float | None]:
     return {"mean": float(returns.mean()), "max": float(returns.max()), "min": float(returns.min()), "std": std}
 
 
-def _score(row: Mapping[str, str]) -> Score:
-    values: dict[str, Any] = dict(row)
-    for name in ("seed", "frames", "episodes"):
-        values[name] = int(row[name])
-    for name in ("mean", "max", "min", "std", "planner"):
-        values[name] = float(row[name]) if row[name] else None
-    return Score(**values | {"seconds": float(row["seconds"])})
+def _row(line: Mapping[str, str], kind: type[Row]) -> Row:
+    """Read the cells of a row as what its fields are."""
+    read: dict[Any, Callable[[str], Any]] = {
+        int: int,
+        float: float,
+        str: str,
+        float | None: lambda cell: float(cell) if cell else None,
+    }
+    return kind(**{field.name: read[field.type](line[field.name]) for field in fields(kind)})
 
 
-def _as_csv(scores: Sequence[Score]) -> str:
+def _replace(path: Path, id_: str, rows: Sequence[Row]) -> None:
+    """Write the rows of a run in place of those that stand in a table."""
+    if not rows:
+        return
+    kind: type[Row] = type(rows[0])
+    kept: list[Row] = [row for row in read_table(path, kind) if row.id != id_]
     text = io.StringIO()
-    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    writer = csv.DictWriter(text, [field.name for field in fields(kind)], lineterminator="\n")
     writer.writeheader()
-    writer.writerows(asdict(score) for score in scores)
-    return text.getvalue()
+    writer.writerows(asdict(row) for row in [*kept, *rows])
+    write_text(path, text.getvalue())
 
 
 def _read_returns(path: Path) -> NDArray[np.float64]:

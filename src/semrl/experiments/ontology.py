@@ -15,7 +15,7 @@ from semrl.experiments.scores import SWEEPS
 from semrl.experiments.sweep import RunSpec
 from semrl.ontology import EpisodeRecord, StateMap
 from semrl.ontology.description import describe
-from semrl.reasoning import Reasoner
+from semrl.reasoning import MAP_MODELS, Reasoner
 from semrl.runs import load_player
 from semrl.runs.evaluation import EVALUATION_SEED, PROBING, Player
 from semrl.types import Trajectory
@@ -216,7 +216,7 @@ def _numbers() -> tuple[Number, ...]:
 
 def _runs(specs: tuple[RunSpec, ...]) -> tuple[RunSpec, ...]:
     """Return the runs that are tested: of each map model the first seed of each preset."""
-    return tuple(spec for spec in specs if spec.has_map and spec.seed == 0)
+    return tuple(spec for spec in specs if spec.model in MAP_MODELS and spec.seed == 0)
 
 
 RUNS = {scale: _runs(sweep.runs()) for scale, sweep in SWEEPS.items()}

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import FrameType
 from typing import IO
@@ -38,7 +38,7 @@ class Queue:
     Parameters
     ----------
     folder
-        Gets ``runs/ID``, ``runs.csv`` and ``returns/ID.csv``.
+        Gets ``runs/ID``, ``runs.csv``, ``trials.csv`` and ``returns/ID.csv``.
     workers
         How many runs are trained side by side.
     say
@@ -106,8 +106,8 @@ class Queue:
         config = run.with_name(f"{spec.id}.toml")
         write_text(config, write_toml(spec.config()))
         said = run.with_name(f"{spec.id}.log").open("wb")
-        episodes = spec.planner_episodes if spec.has_map else 0
-        words = [sys.executable, "-m", "semrl.experiments.worker", str(run), str(config), str(episodes)]
+        trials = json.dumps([asdict(trial) for trial in spec.trials])
+        words = [sys.executable, "-m", "semrl.experiments.worker", str(run), str(config), trials]
         # A session of its own: Ctrl-C reaches us alone, and we ask the workers to save and stop.
         process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=said, stderr=said, start_new_session=True)
         return _Job(spec=spec, process=process, said=said)
@@ -127,8 +127,8 @@ class Queue:
     def _enter(self, spec: RunSpec) -> None:
         """Enter a finished run into the ledger."""
         run = self._run(spec)
-        score, episodes = score_of(spec, run, _planner_mean(run))
-        enter(self.folder, score, episodes)
+        score, episodes, outcomes = score_of(spec, run)
+        enter(self.folder, score, episodes, outcomes)
         mean = "no episode finished" if score.mean is None else f"{score.mean:.1f} over the last episodes"
         self.say(f"{score.id} finished after {score.seconds / 60:.1f} minutes: {mean}")
 
@@ -165,11 +165,6 @@ def _check_begun(run: Path, spec: RunSpec) -> None:
 
 
 def _is_done(run: Path, spec: RunSpec) -> bool:
-    """Whether a run is trained and, where it has a map, the planner has played."""
+    """Whether a run is trained and tested."""
     trained = run.exists() and RunFolder.open(run).manifest()["status"] == "finished"
-    return trained and (not spec.has_map or _planner_mean(run) is not None)
-
-
-def _planner_mean(run: Path) -> float | None:
-    path = run / "evaluation-planner.json"
-    return float(json.loads(path.read_text())["mean"]) if path.exists() else None
+    return trained and all(trial.path(run).exists() for trial in spec.trials)

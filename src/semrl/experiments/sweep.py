@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from semrl.experiments.trials import Trial
 from semrl.pipeline import MODELS
 from semrl.reasoning import MAP_MODELS
 from semrl.runs import RunConfig, preset
@@ -12,7 +13,7 @@ from semrl.runs.config import merge
 TABLE_MODELS = ("baseline", "otsu", "birch", "semantic", "semantic-map", "ram", "ram-map")
 """Models of Table 4.1, in its order."""
 
-CHEAPEST = ("ram", "ram-map", "semantic", "semantic-map", "otsu", "baseline", "birch")
+CHEAPEST = ("ram", "objects", "semantic", "ram-map", "objects-map", "semantic-map", "otsu", "baseline", "birch")
 """Models, those whose decisions take least time first."""
 
 
@@ -28,8 +29,8 @@ class RunSpec:
         Budget.
     overrides
         Nested settings on top of the preset.
-    planner_episodes
-        Episodes that the planner plays alone after training, where there is a map.
+    trials
+        How it is tested after training.
     variant
         Tells it from other runs of this preset, model and seed.
     """
@@ -39,18 +40,13 @@ class RunSpec:
     seed: int
     frames: int
     overrides: Mapping[str, Any] = field(default_factory=dict)
-    planner_episodes: int = 5
+    trials: tuple[Trial, ...] = ()
     variant: str = ""
 
     @property
     def id(self) -> str:
         """What it is called."""
         return "-".join(part for part in (self.preset, self.model, str(self.seed), self.variant) if part)
-
-    @property
-    def has_map(self) -> bool:
-        """Whether the model reasons."""
-        return self.model in MAP_MODELS
 
     def config(self) -> RunConfig:
         """Return the configuration of the run."""
@@ -72,7 +68,7 @@ class Sweep:
     overrides
         Nested settings, for every run; those under ``models.NAME`` for one model.
     planner_episodes
-        See `RunSpec`.
+        Episodes that the planner plays alone after training, where there is a map.
     """
 
     frames: int
@@ -92,7 +88,7 @@ class Sweep:
                 seed=seed,
                 frames=self.frames,
                 overrides=merge(general, special.get(model, {})),
-                planner_episodes=self.planner_episodes,
+                trials=(Trial(policy="planner", episodes=self.planner_episodes),) if model in MAP_MODELS else (),
             )
             for name, (pixels, others) in self.seeds.items()
             for model in self.models

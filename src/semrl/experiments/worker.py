@@ -1,9 +1,10 @@
-"""One run of the queue, in a process of its own: ``python -m semrl.experiments.worker RUN CONFIG EPISODES``.
+"""One run of the queue, in a process of its own: ``python -m semrl.experiments.worker RUN CONFIG TRIALS``.
 
 It goes on where the run stands, saves when it is told to stop, and stops when whoever started it is gone.
 """
 
 import fcntl
+import json
 import os
 import signal
 import sys
@@ -12,22 +13,24 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from semrl.errors import SemrlError
-from semrl.runs import evaluate, train
+from semrl.experiments.trials import Trial
+from semrl.runs import train
 from semrl.runs.config import from_dict, read_toml
 
 
 def main(argv: Sequence[str]) -> int:
-    """Train; where there is a map, let the planner play some episodes alone. Return the exit status."""
+    """Train, then hold the trials, a JSON list, that were not held yet. Return the exit status."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    run, config, episodes = Path(argv[0]), Path(argv[1]), int(argv[2])
+    run, config, trials = Path(argv[0]), Path(argv[1]), [Trial(**trial) for trial in json.loads(argv[2])]
     try:
         if run.exists():
             _wait_for(run)
             train(run)
         else:
             train(run, from_dict(read_toml(config), source=str(config)))
-        if episodes:
-            evaluate(run, episodes=episodes, policy="planner")
+        for trial in trials:
+            if not trial.path(run).exists():
+                trial.hold(run)
     except SemrlError as error:
         print(f"{error}", file=sys.stderr)
         return 1

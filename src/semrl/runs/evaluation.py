@@ -231,7 +231,7 @@ def result_path(
 ) -> Path:
     """Return where `evaluate` writes: ``evaluation.json``, or ``evaluation-planner-sticky-0.25-at-50000.json``."""
     said = {"random": exploration, "sticky": sticky_actions, "at": at}
-    parts = [] if policy == "agent" else [policy]
+    parts: list[str] = [] if policy == "agent" else [policy]
     parts += [f"{name}-{value:g}" for name, value in said.items() if value is not None]
     return Path(run) / f"{'-'.join(['evaluation', *parts])}.json"
 
