@@ -32,9 +32,6 @@ class DQNConfig:
     """Estimates of the values side by side (bootstrapped DQN, Osband et al. 2016); one at a time is followed."""
     head_decisions: int = 100
     """Decisions after which another head is followed, on average; after a reward it is always another."""
-    final_consensus: float = 0.0
-    """Share of the decisions at the end of the budget for which the heads' mean is followed, as in evaluation; it rises
-    evenly through the second half."""
     learning_rate: float = 1e-4
     """Step size of Adam."""
     final_learning_rate: float = 1.0
@@ -86,16 +83,13 @@ class DQNConfig:
             raise UsageError(f"agent.replay_capacity must exceed agent.n_steps, {self.n_steps}")
 
 
-_ALL = -1
-"""Stands for the mean of all heads in place of a head."""
-
 _COUNTS = (
     "exploration_frames", "heads", "head_decisions", "batch_size", "initial_buffer", "decisions_per_update", "n_steps",
     "target_updates",
 )  # fmt: skip
 _SHARES = (
-    "exploration_min", "exploration_max", "final_exploration", "final_consensus", "final_learning_rate", "adam_beta1",
-    "adam_beta2", "discount", "reward_share", "target_rate",
+    "exploration_min", "exploration_max", "final_exploration", "final_learning_rate", "adam_beta1", "adam_beta2",
+    "discount", "reward_share", "target_rate",
 )  # fmt: skip
 _POSITIVE = ("exploration_min", "learning_rate", "adam_epsilon", "target_rate")
 
@@ -150,7 +144,7 @@ class DQN:
             fused=len(shape) == 1,  # twice as fast for small networks, slower for convolutions
         )
         self._rng = np.random.default_rng(seed)
-        self._head = 0  # which is followed, or _ALL
+        self._head = 0  # which is followed
         self.decisions_ = 0
         self.updates_ = 0
         self.loss_ = float("nan")
@@ -161,17 +155,17 @@ class DQN:
         c = self.config
         progress = min(1.0, self.decisions_ * self.frame_skip / c.exploration_frames)
         usual = float(c.exploration_max * (c.exploration_min / c.exploration_max) ** progress)
-        return usual * (1 - self._late * (1 - c.final_exploration))
+        return usual * self._late(c.final_exploration)
 
     @property
     def learning_rate(self) -> float:
         """Step size of the next update."""
-        return self.config.learning_rate * (1 - self._late * (1 - self.config.final_learning_rate))
+        return self.config.learning_rate * self._late(self.config.final_learning_rate)
 
-    @property
-    def _late(self) -> float:
-        """How much of the second half of the budget is over, 0 … 1."""
-        return 0.0 if self.budget is None else max(0.0, 2 * min(1.0, self.decisions_ / self.budget) - 1)
+    def _late(self, final: float) -> float:
+        """Return what is left now of something of which a share is left at the end of the budget."""
+        late = 0.0 if self.budget is None else max(0.0, 2 * min(1.0, self.decisions_ / self.budget) - 1)
+        return 1 - late * (1 - final)
 
     def act(self, state: NDArray[Any], advised: int | None = None) -> int:
         """Choose an action for ``(2, *shape)``, the current and the previous observation: ε-greedy.
@@ -182,8 +176,6 @@ class DQN:
             return int(self._rng.integers(self.n_actions))
         if advised is not None:
             return advised
-        if self._head == _ALL:
-            return self.best_action(state)
         return int(self._head_values(state[None])[0, self._head].argmax())
 
     def best_action(self, state: NDArray[Any]) -> int:
@@ -201,8 +193,7 @@ class DQN:
         self.replay.add(observation, action, reward, terminated=terminated, start=start)
         self.decisions_ += 1
         if reward or self._rng.random() * c.head_decisions < 1:
-            agreed = self._late and self._rng.random() < c.final_consensus * self._late
-            self._head = _ALL if agreed else int(self._rng.integers(c.heads))
+            self._head = int(self._rng.integers(c.heads))
         if self.decisions_ == c.initial_buffer and c.network.normalise_input:
             states = torch.from_numpy(self.replay.latest(c.initial_buffer))
             for network in (self.network, self.target):
