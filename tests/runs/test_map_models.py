@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from stopping import stopped
 
+from semrl.arrays import unnest
 from semrl.errors import SemrlError, UsageError
 from semrl.runs import RunFolder, evaluate, load_map, load_player, train
 from semrl.runs.evaluation import EVALUATION_SEED
@@ -108,6 +109,17 @@ def test_playing_by_plans_learns_nothing(own_run):
     evaluate(own_run, episodes=1, policy="planner")
     assert [path.read_bytes() for path in sorted((own_run / "checkpoints").iterdir())] == before
     np.testing.assert_array_equal(load_map(own_run).graph.edge_counts, graph.edge_counts)
+
+
+def test_what_a_finished_run_keeps_is_enough_to_learn_from_further_play(tracked_run):
+    player = load_player(tracked_run)
+    kept = RunFolder.open(tracked_run).load(prefixes=("reasoner/",)).arrays
+    player.reasoner.from_arrays(unnest(kept, "reasoner"))
+    seen = player.reasoner.world.seen_
+    assert len(player.reasoner.world.experience) == seen > 0
+    *steps, last = player.episode(0, 3, "planner")
+    player.reasoner.end_episode(last.state[0])
+    assert player.reasoner.world.seen_ == seen + len(steps)
 
 
 def test_without_a_map_the_planner_cannot_play(semantic_run):

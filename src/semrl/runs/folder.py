@@ -231,6 +231,11 @@ def _version(package: str) -> str:
         return "unknown"
 
 
+def lasting(arrays: Arrays) -> Arrays:
+    """Return what a finished run keeps: what is needed to play, and for map and models to learn from further play."""
+    return {name: value for name, value in arrays.items() if name.startswith((*PLAYABLE, "reasoner/"))}
+
+
 def weights(arrays: Arrays) -> Arrays:
     """Return what is needed to play, out of a whole state: perception, the Q-network, the map and its models."""
     return {name: value for name, value in arrays.items() if name.startswith(PLAYABLE)}

@@ -20,7 +20,7 @@ from semrl.errors import SemrlError, UsageError
 from semrl.pipeline import MODELS, Pipeline
 from semrl.reasoning import MAP_MODELS, Reasoner
 from semrl.runs.config import RunConfig
-from semrl.runs.folder import Checkpoint, RunFolder, weights
+from semrl.runs.folder import Checkpoint, RunFolder, lasting, weights
 from semrl.runs.metrics import MetricsFile
 from semrl.signals import handling
 from semrl.stages import Schooling
@@ -199,17 +199,16 @@ class _Session:
         return Checkpoint(arrays=arrays, metrics_rows=self.metrics.n_rows, seconds=self.metrics.seconds)
 
     def _finish(self) -> TrainResult:
-        """Note the hashes of everything, then keep what is needed to play and drop the rest."""
+        """Note the hashes of everything, then keep what play and reasoning need and drop the rest."""
         self._save()  # until the manifest says "finished", who goes on needs the whole state
         arrays = self.trainer.to_arrays()
-        playable = weights(arrays)
         result = self._result()
         self.folder.update_manifest(
             status="finished",
-            hashes={"state": digest(arrays), "weights": digest(playable)},
+            hashes={"state": digest(arrays), "weights": digest(weights(arrays))},
             result=result.__dict__,
         )
-        checkpoint = Checkpoint(arrays=playable, metrics_rows=self.metrics.n_rows, seconds=result.seconds)
+        checkpoint = Checkpoint(arrays=lasting(arrays), metrics_rows=self.metrics.n_rows, seconds=result.seconds)
         self.folder.save(checkpoint, keep=1)
         return result
 

@@ -1,0 +1,158 @@
+"""Play on in another world: Pong with an enemy that is frozen, slowed or made faster, at evaluation only.
+
+Trained runs play as they are. For those with a map the planner plays once more after its model saw some decisions of
+the new world.
+
+    python benchmarks/altered.py runs/x runs/y --episodes 10
+"""
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import machine
+import numpy as np
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from semrl.arrays import unnest
+from semrl.errors import UsageError
+from semrl.runs import RunFolder, load_player
+from semrl.runs.evaluation import EVALUATION_SEED, Player, Policy
+from semrl.runs.session import limited_threads
+from semrl.state import EnvironmentConfig, Game, make_env
+from semrl.state.environment import Env, FrameSkip, NoopStart
+
+ENEMY_ADDRESS = 21
+"""Where the emulator keeps the enemy's place: what is written there moves it, and is drawn with the next frame."""
+
+FARTHEST = 8
+"""A larger step is no motion: the enemy is put somewhere else after a point."""
+
+LAST_PLACE = 196
+
+WORLDS = {"as trained": 1.0, "frozen": 0.0, "slowed": 0.5, "faster": 1.5}
+"""How far the enemy goes in place of each step of its own."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arguments:
+    """Play with an altered enemy."""
+
+    runs: tyro.conf.Positional[tuple[Path, ...]]
+    """Trained runs of Pong."""
+    episodes: int = 10
+    """Games of each policy in each world."""
+    adapting: int = 1_000
+    """Decisions of the new world from which the planner's model learns before it plays once more."""
+    json: bool = False
+    """Print one JSON object as the only line of standard output."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Score:
+    """What a policy got in a world."""
+
+    run: str
+    world: str
+    policy: str
+    mean: float
+    min: float
+    max: float
+
+
+class AlteredEnemy(gym.Wrapper[Any, Any, Any, Any]):
+    """Scale every step of Pong's enemy, frame by frame, in the emulator's RAM."""
+
+    def __init__(self, env: Env, pace: float) -> None:
+        super().__init__(env)
+        self.pace = pace
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """Let the enemy go as far as its pace allows."""
+        ale = self.unwrapped.ale  # type: ignore[attr-defined]
+        before = int(ale.getRAM()[ENEMY_ADDRESS])
+        result = self.env.step(action)
+        step = int(ale.getRAM()[ENEMY_ADDRESS]) - before
+        if 0 < abs(step) <= FARTHEST:
+            ale.setRAM(ENEMY_ADDRESS, int(np.clip(before + round(step * self.pace), 0, LAST_PLACE)))
+        return result
+
+
+def main(arguments: Arguments) -> None:
+    """Play in every world and print the table."""
+    if not arguments.runs:
+        raise UsageError("name at least one trained run of Pong")
+    scores = [score for run in arguments.runs for score in play(run, arguments)]
+    if arguments.json:
+        print(json.dumps({"machine": machine.describe(), "scores": [asdict(score) for score in scores]}))
+        return
+    table = Table("run", "world", "policy", "mean", "min … max", box=None, padding=(0, 2, 0, 0))
+    for score in scores:
+        table.add_row(score.run, score.world, score.policy, f"{score.mean:.2f}", f"{score.min:.0f} … {score.max:.0f}")
+    Console().print(table)
+
+
+def play(run: Path, arguments: Arguments) -> Iterator[Score]:
+    """Play with every policy of a run in every world."""
+    for world, pace in WORLDS.items():
+        player = load_player(run)
+        with limited_threads(player.config.threads):
+            policies: tuple[Policy, ...] = ("agent", "planner") if player.reasoner else ("agent",)
+            for policy in policies:
+                yield _score(run, world, policy, _returns(player, pace, policy, arguments.episodes))
+            if player.reasoner and pace != 1:
+                adapt(player, run, pace, arguments.adapting)
+                told = f"planner, after {arguments.adapting:,} decisions"
+                yield _score(run, world, told, _returns(player, pace, "planner", arguments.episodes))
+
+
+def altered_game(player: Player, pace: float, seed: int) -> Game:
+    """Make the game that a run was trained on, with an altered enemy."""
+    own = player.config.environment
+    env: Env = AlteredEnemy(make_env(player.config.env, EnvironmentConfig(frame_skip=1, actions=own.actions)), pace)
+    return Game(NoopStart(FrameSkip(env, own.frame_skip), player.config.evaluation.max_noops), seed)
+
+
+def adapt(player: Player, run: Path, pace: float, decisions: int) -> None:
+    """Let the planner play in the altered world, and its model learn from that beside what it remembers."""
+    assert player.reasoner is not None
+    reasoner = player.reasoner
+    checkpoint = RunFolder.open(run).load(prefixes=("reasoner/",))
+    assert checkpoint is not None, "it has played already"
+    reasoner.from_arrays(unnest(checkpoint.arrays, "reasoner"))
+    learned = episode = 0
+    while learned < decisions:
+        rng = np.random.default_rng([EVALUATION_SEED, 1, episode])
+        steps = player.play(altered_game(player, pace, int(rng.integers(2**31))), rng, "planner")
+        for step in steps:
+            last = step
+            learned += step.action is not None
+            if learned == decisions:
+                break
+        reasoner.end_episode(last.state[0])
+        episode += 1
+
+
+def _returns(player: Player, pace: float, policy: Policy, episodes: int) -> list[float]:
+    returns = []
+    for episode in range(episodes):
+        rng = np.random.default_rng([EVALUATION_SEED, 0, episode])
+        for step in player.play(altered_game(player, pace, int(rng.integers(2**31))), rng, policy):
+            total = step.total
+        returns.append(total)
+    return returns
+
+
+def _score(run: Path, world: str, policy: str, returns: list[float]) -> Score:
+    return Score(
+        run=str(run), world=world, policy=policy, mean=float(np.mean(returns)), min=min(returns), max=max(returns)
+    )
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Arguments))
