@@ -53,7 +53,6 @@ def new_run(tmp_path, tiny):
         ("train --env semrl/FourRooms-v0 --model otsu --run RUN", "not RGB frames"),
         ("train --env CartPole-v1 --model otsu --run RUN", "not RGB frames"),
         ("train --env semrl/Catch-v0 --model ram --run RUN", "is not mapped"),
-        ("train --env semrl/Catch-v0 --model otsu --environment.max-noops 3 --run RUN", "has no NOOP"),
         ("train --env semrl/Catch-v0 --model otsu --environment.actions JUMP --run RUN", "has no action JUMP"),
         ("train --config RUN/none.toml", "cannot read"),
         ("train --resume", "--resume needs --run"),

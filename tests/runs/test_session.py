@@ -185,7 +185,7 @@ def _interrupt():
 
 
 def test_what_cannot_work_leaves_no_folder(tmp_path, tiny):
-    for config in (tiny(env="semrl/FourRooms-v0"), tiny(env="NoSuch-v0"), tiny(environment__max_noops=3)):
+    for config in (tiny(env="semrl/FourRooms-v0"), tiny(env="NoSuch-v0")):
         with pytest.raises(UsageError):
             train(tmp_path / "run", config)
     assert list(tmp_path.iterdir()) == []

@@ -142,6 +142,12 @@ def test_waiting_through_a_whole_episode_begins_another():
     assert {int(frames_of(env, seed, []).max()) for seed in range(60)} == set(range(10))
 
 
+def test_games_without_an_action_for_waiting_begin_at_once():
+    plain, waiting = make_env(CATCH), make_env(CATCH, EnvironmentConfig(max_noops=30))
+    for seed in range(3):
+        np.testing.assert_array_equal(plain.reset(seed=seed)[0], waiting.reset(seed=seed)[0])
+
+
 def test_noops_in_pong_make_starts_differ():
     env = make_env(PONG, EnvironmentConfig(max_noops=30))
     starts = [frames_of(env, seed, [0, 0]) for seed in (0, 1, 2, 0)]
@@ -184,11 +190,6 @@ def test_continuous_actions_are_refused():
 def test_unknown_actions_are_refused():
     with pytest.raises(UsageError, match="no action JUMP; it has NOOP, UP, DOWN"):
         make_env("Counter-v0", EnvironmentConfig(actions=("UP", "JUMP")))
-
-
-def test_noop_starts_need_a_noop():
-    with pytest.raises(UsageError, match="no NOOP"):
-        make_env(CATCH, EnvironmentConfig(max_noops=3))
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from semrl.runs.config import RunConfig
 from semrl.runs.files import write_text
 from semrl.runs.folder import PLAYABLE, RunFolder
 from semrl.runs.session import build_trainer, limited_threads
-from semrl.state import Game, action_meanings, make_env
+from semrl.state import Game, make_env
 from semrl.types import Observation
 
 Policy = Literal["agent", "planner"]
@@ -88,14 +88,10 @@ class Player:
         return replace(self, config=replace(self.config, evaluation=tested))
 
     def new_game(self, seed: int) -> Game:
-        """Make the game that it was trained on, begun at random where the game has an action for waiting."""
-        environment = self.config.environment
-        env = make_env(self.config.env, environment)
-        tested = self.config.evaluation
-        if tested.sticky_actions:
-            environment = replace(environment, sticky_actions=tested.sticky_actions)
-        if tested.max_noops and "NOOP" in action_meanings(env.unwrapped):
-            environment = replace(environment, max_noops=tested.max_noops)
+        """Make the game that it was trained on, begun and played as evaluation wants it."""
+        tested, environment = self.config.evaluation, self.config.environment
+        sticky = tested.sticky_actions or environment.sticky_actions
+        environment = replace(environment, max_noops=tested.max_noops, sticky_actions=sticky)
         return Game(make_env(self.config.env, environment), seed)
 
     def episode(self, number: int, seed: int, policy: Policy = "agent") -> Iterator[Step]:

@@ -16,6 +16,9 @@ from semrl.state.worlds import register_worlds
 
 Env = gym.Env[Any, Any]
 
+NOOP = "NOOP"
+"""Name of the action that waits."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class EnvironmentConfig:
@@ -28,7 +31,7 @@ class EnvironmentConfig:
     sticky_actions: float = 0.0
     """Probability that a frame repeats the previous action (Machado et al. 2018)."""
     max_noops: int = 0
-    """At most so many random no-op decisions at the start of an episode."""
+    """At most so many random no-op decisions at the start of an episode, in games that have an action for it."""
 
     def __post_init__(self) -> None:
         if self.frame_skip < 1:
@@ -65,7 +68,7 @@ class NoopStart(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs
         gym.utils.RecordConstructorArgs.__init__(self, max_noops=max_noops)
         super().__init__(env)
         self.max_noops = max_noops
-        self.noop = action_meanings(env).index("NOOP")
+        self.noop = action_meanings(env).index(NOOP)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Reset and wait; the number of no-ops follows from the seed."""
@@ -114,9 +117,7 @@ def make_env(env_id: str = "PongNoFrameskip-v4", config: EnvironmentConfig | Non
     config = config or EnvironmentConfig()
     env = _make_base(env_id, config)
     _check_spaces(env_id, env)
-    if config.max_noops:
-        if "NOOP" not in action_meanings(env):
-            raise UsageError(f"{env_id} has no NOOP action, so max_noops must be 0")
+    if config.max_noops and NOOP in action_meanings(env):
         env = NoopStart(env, config.max_noops)
     return _choose_actions(env_id, env, config.actions)
 
