@@ -8,7 +8,7 @@ the new world.
 
 import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from rich.table import Table
 
 from semrl.arrays import unnest
 from semrl.errors import UsageError
+from semrl.ontology import TreeWorld
 from semrl.runs import RunFolder, load_player
 from semrl.runs.evaluation import EVALUATION_SEED, Player, Policy
 from semrl.runs.session import limited_threads
@@ -125,6 +126,9 @@ def adapt(player: Player, run: Path, pace: float, decisions: int) -> None:
     checkpoint = RunFolder.open(run).load(prefixes=("reasoner/",))
     assert checkpoint is not None, "it has played already"
     reasoner.from_arrays(unnest(checkpoint.arrays, "reasoner"))
+    world = reasoner.world
+    assert isinstance(world, TreeWorld), "the preset's models of the world are trees"
+    world.config = replace(world.config, new_decisions=1, new_share=0.0)  # so little is nothing new to it otherwise
     learned = episode = 0
     while learned < decisions:
         rng = np.random.default_rng([EVALUATION_SEED, 1, episode])

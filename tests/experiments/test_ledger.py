@@ -6,6 +6,7 @@ import pytest
 from semrl.errors import SemrlError
 from semrl.experiments.ledger import Score, enter, read_ledger, read_table, score_of, summed_up
 from semrl.experiments.sweep import RunSpec
+from semrl.experiments.trials import Outcome, Trial, outcome_of
 from semrl.runs.metrics import read_metrics
 
 SPEC = RunSpec(preset="thesis", model="ram", seed=0, frames=4000)
@@ -31,6 +32,23 @@ def test_what_is_entered_is_read_again(tmp_path):
     assert ledger.score(SPEC) == SCORE
     np.testing.assert_array_equal(ledger.episodes(SPEC), EPISODES)
     np.testing.assert_array_equal(ledger.last_returns(SPEC), EPISODES[:, 1])
+
+
+def test_trials_stand_beside_the_run(tmp_path):
+    trials = [Trial(), Trial(policy="planner", sticky_actions=0.25)]
+    outcomes = [
+        Outcome(
+            id=SPEC.id, frames=4000, trial=trial.name, episodes=3, mean=-1.5, max=2.0, min=-4.0, std=3.0, different=2
+        )
+        for trial in trials
+    ]
+    enter(tmp_path, SCORE, EPISODES, outcomes)
+    enter(tmp_path, replace(SCORE, id="other"), EPISODES, [replace(outcomes[0], id="other")])
+    enter(tmp_path, SCORE, EPISODES, outcomes)
+    ledger = read_ledger([tmp_path])
+    assert [ledger.outcome(SPEC, trial) for trial in trials] == outcomes
+    assert ledger.outcome(SPEC, Trial(at=100)) is None
+    assert len(read_table(tmp_path / "trials.csv", Outcome)) == 3
 
 
 def test_another_budget_is_another_run(tmp_path):
@@ -77,3 +95,16 @@ def test_games_that_the_planner_played_do_not_count(tracked_run):
     own = [float(row["return"]) for row in rows if row["policy"] == "agent"]
     assert score.episodes == len(own) < len(rows)
     assert episodes[:, 1].tolist() == own and score.mean == pytest.approx(np.mean(own[-10:]))
+
+
+def test_a_trial_is_called_by_what_is_asked(tmp_path):
+    assert [trial.name for trial in (Trial(), Trial(at=25_000), Trial(policy="planner", sticky_actions=0.25))] == [
+        "agent", "agent-at-25000", "planner-sticky-0.25",
+    ]  # fmt: skip
+    assert Trial(policy="planner", at=3000).path(tmp_path) == tmp_path / "evaluation-planner-at-3000.json"
+
+
+def test_a_damaged_trial_is_told(tmp_path):
+    Trial().path(tmp_path).write_text('{"mean": 1}')
+    with pytest.raises(SemrlError, match=r"evaluation.json is damaged: KeyError.*; delete it to play again"):
+        outcome_of(Trial(), tmp_path, id_="run", frames=4)
