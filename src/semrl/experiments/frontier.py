@@ -36,7 +36,7 @@ class Race:
     milestones
         Decisions after which agent and planner are tested on the way, and for the planner one more before them.
     episodes
-        Games of a test at the end, and on the way.
+        Games of a test at the end, of one with sticky actions, and of one on the way.
     overrides
         Nested settings on top of the preset.
     match
@@ -46,17 +46,17 @@ class Race:
     decisions: int = 100_000
     seeds: tuple[int, ...] = tuple(range(10))
     milestones: tuple[int, ...] = (3_000, 25_000, 50_000)
-    episodes: tuple[int, int] = (30, 10)
+    episodes: tuple[int, int, int] = (30, 10, 5)
     overrides: dict[str, Any] = field(default_factory=dict)
     match: Match = field(default_factory=Match)
 
     def trials(self, policy: Policy) -> tuple[Trial, ...]:
         """Return how a policy is tested; the first trial is the one that counts."""
-        last, earlier = self.episodes
+        last, sticky, earlier = self.episodes
         on_the_way = self.milestones if policy == "planner" else self.milestones[1:]
         return (
             Trial(policy=policy, episodes=last),
-            Trial(policy=policy, episodes=last, sticky_actions=STICKY),
+            Trial(policy=policy, episodes=sticky, sticky_actions=STICKY),
             *(Trial(policy=policy, episodes=earlier, at=at) for at in on_the_way),
         )
 
@@ -188,14 +188,14 @@ RACES: dict[Scale, Race] = {
         decisions=8_000,
         seeds=(0,),
         milestones=(4_000, 5_000, 6_000),
-        episodes=(1, 1),
+        episodes=(1, 1, 1),
         match=Match(decisions=2_000, learning_starts=500, episodes=1),
     ),
     "tiny": Race(
         decisions=400,
         seeds=(0,),
         milestones=(250, 300, 350),
-        episodes=(1, 1),
+        episodes=(1, 1, 1),
         overrides=TINY,
         match=Match(decisions=40, learning_starts=20, episodes=1),
     ),
