@@ -82,7 +82,7 @@ def policies(model: str) -> tuple[Policy, ...]:
 
 
 def measure(race: Race, lab: Lab) -> Result:
-    """Sum up all runs that are finished, and let the rival compete."""
+    """Sum up all runs that are finished; when all are, let the rival compete."""
     values: dict[str, float | None] = {}
     curves = []
     for model in MODELS:
@@ -97,16 +97,25 @@ def measure(race: Race, lab: Lab) -> Result:
             way = {trial.at: _mean(_held(lab.ledger, specs, trial)) for trial in trials[2:]}
             values |= {f"{id_}/at-{at}": mean for at, mean in way.items()}
             curves.append(_curve(f"{model}, {policy}", way, race.decisions, values[f"{id_}/mean"]))
-    notes = [f"{spec.id} is not finished yet" for spec in race.runs() if not lab.ledger.score(spec)]
+    missing = [spec.id for spec in race.runs() if not lab.ledger.score(spec)]
+    if missing:
+        notes = [f"not finished yet: {', '.join(missing)}; then Stable-Baselines3's DQN competes"]
+    else:
+        rivals, notes = _rivals(race.match, lab)
+        values |= rivals
+    return Result(values=values, figures=(_figure(curves),), notes=tuple(notes))
+
+
+def _rivals(match: Match, lab: Lab) -> tuple[dict[str, float], list[str]]:
+    """Return the numbers of Stable-Baselines3's DQN, and why there are none."""
+    values: dict[str, float] = {}
     try:
         for view in VIEWS:
             lab.say(f"Stable-Baselines3's DQN, {view}")
-            values |= {
-                f"frontier/sb3-{view}/{what}": told for what, told in compete(view, race.match, lab.folder).items()
-            }
+            values |= {f"frontier/sb3-{view}/{what}": told for what, told in compete(view, match, lab.folder).items()}
     except MissingExtraError as error:
-        notes.append(str(error))
-    return Result(values=values, figures=(_figure(curves),), notes=tuple(notes))
+        return values, [str(error)]
+    return values, []
 
 
 def _held(ledger: Ledger, specs: Sequence[RunSpec], trial: Trial) -> list[Outcome]:
