@@ -8,13 +8,13 @@ from sklearn.metrics import balanced_accuracy_score, r2_score
 
 from semrl.errors import UsageError
 from semrl.runs import load_player
-from semrl.runs.evaluation import EVALUATION_SEED
+from semrl.runs.evaluation import EVALUATION_SEED, PROBING
 from semrl.runs.foresight import balanced_accuracy, foresight
 
 
 def test_it_is_what_scikit_learn_says_of_the_same_play(map_run):
     told = foresight(map_run, decisions=60)
-    player = load_player(map_run)
+    player = load_player(map_run).under(exploration=PROBING)
     came, foreseen, rewards, guesses = [], [], [], []
     for number in range(2):
         steps = list(player.episode(number, player.config.seed + EVALUATION_SEED))
@@ -33,7 +33,7 @@ def test_it_is_what_scikit_learn_says_of_the_same_play(map_run):
 
 
 def test_where_objects_are_foreseen_so_are_the_vectors_of_their_scenes(tracked_run):
-    told, player = foresight(tracked_run, decisions=60), load_player(tracked_run)
+    told, player = foresight(tracked_run, decisions=60), load_player(tracked_run).under(exploration=PROBING)
     came, foreseen = [], []
     for number in range(2):
         steps = list(player.episode(number, player.config.seed + EVALUATION_SEED))
