@@ -101,6 +101,7 @@ def test_a_trial_is_called_by_what_is_asked(tmp_path):
     assert [trial.name for trial in (Trial(), Trial(at=25_000), Trial(policy="planner", sticky_actions=0.25))] == [
         "agent", "agent-at-25000", "planner-sticky-0.25",
     ]  # fmt: skip
+    assert Trial(at=1_234_567).name == "agent-at-1234567"
     assert Trial(policy="planner", at=3000).path(tmp_path) == tmp_path / "evaluation-planner-at-3000.json"
 
 

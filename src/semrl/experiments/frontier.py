@@ -19,8 +19,6 @@ from semrl.reasoning import MAP_MODELS
 from semrl.runs.evaluation import Policy
 
 MODELS = ("objects", "objects-map")
-STICKY = 0.25
-"""Probability that a frame repeats the action before: the usual value (Machado et al. 2018)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,13 +32,13 @@ class Race:
     seeds
         Of the runs of each model.
     milestones
-        Decisions after which agent and planner are tested on the way, and for the planner one more before them.
+        Decisions after which the planner is tested on the way; the agent from the second on.
     episodes
         Games of a test at the end, of one with sticky actions, and of one on the way.
     overrides
         Nested settings on top of the preset.
     match
-        What the rival is given.
+        What the rival is given, and how sticky actions are for all.
     """
 
     decisions: int = 100_000
@@ -56,7 +54,7 @@ class Race:
         on_the_way = self.milestones if policy == "planner" else self.milestones[1:]
         return (
             Trial(policy=policy, episodes=last),
-            Trial(policy=policy, episodes=sticky, sticky_actions=STICKY),
+            Trial(policy=policy, episodes=sticky, sticky_actions=self.match.sticky_actions),
             *(Trial(policy=policy, episodes=earlier, at=at) for at in on_the_way),
         )
 

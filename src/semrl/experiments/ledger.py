@@ -182,8 +182,13 @@ def summed_up(returns: NDArray[np.float64]) -> dict[str, float | None]:
     """Return mean, max, min and standard deviation of a sample, as Table 4.1 has them."""
     if not len(returns):
         return dict.fromkeys(("mean", "max", "min", "std"))
-    std = float(returns.std(ddof=1)) if len(returns) > 1 else 0.0
-    return {"mean": float(returns.mean()), "max": float(returns.max()), "min": float(returns.min()), "std": std}
+    ends = {"max": float(returns.max()), "min": float(returns.min())}
+    return {"mean": float(returns.mean()), **ends, "std": deviation(returns)}
+
+
+def deviation(returns: NDArray[np.float64]) -> float:
+    """Return the standard deviation of a sample; 0 of a single game."""
+    return float(returns.std(ddof=1)) if len(returns) > 1 else 0.0
 
 
 def _row(line: Mapping[str, str], kind: type[Row]) -> Row:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.errors import MissingExtraError
+from semrl.experiments.ledger import deviation
 from semrl.runs.evaluation import EVALUATION_SEED
 from semrl.runs.files import write_text
 from semrl.state import EnvironmentConfig, make_env, ram_features, rom_name
@@ -45,7 +46,7 @@ class Match:
     episodes
         Greedy games after training, for each kind of test.
     sticky_actions
-        Of the second kind.
+        Of the second kind: the usual value (Machado et al. 2018).
     env
         The game.
     """
@@ -117,12 +118,7 @@ def compete(view: View, match: Match, folder: Path) -> dict[str, float]:
         return np.asarray(returns)
 
     plain, sticky = test(0.0), test(match.sticky_actions)
-    told = {
-        "mean": float(plain.mean()),
-        "std": float(plain.std()),
-        "sticky": float(sticky.mean()),
-        "minutes": minutes,
-    }
+    told = {"mean": float(plain.mean()), "std": deviation(plain), "sticky": float(sticky.mean()), "minutes": minutes}
     write_text(path, json.dumps(told, indent=2) + "\n")
     return told
 

@@ -34,7 +34,7 @@ class EvaluationConfig:
     exploration: float = 0.0
     """Probability of a random action; 0: the agent always does what it values most."""
     sticky_actions: float = 0.0
-    """Probability that a frame repeats the previous action (Machado et al. 2018), whatever it was in training."""
+    """Probability that a frame repeats the previous action (Machado et al. 2018); 0: as in training."""
 
     def __post_init__(self) -> None:
         if self.episodes < 1 or self.max_noops < 0:

@@ -1,7 +1,7 @@
 """Playing with a trained run, without learning."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -199,18 +199,16 @@ def evaluate(
     if policy == "planner":
         player.require_map(run)
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
-    returns: list[float] = []
-    lengths: list[int] = []
+    games: list[tuple[float, int]] = []
     with limited_threads(player.config.threads):
         for episode in range(player.config.evaluation.episodes):
             decisions = -1  # the first step is the beginning
             for step in player.episode(episode, seed, policy):
                 decisions += 1
                 on_step(episode, step)
-            returns.append(step.total)
-            lengths.append(decisions)
+            games.append((step.total, decisions))
             on_episode(step.total)
-    result = _summed_up(run, policy, returns, lengths)
+    result = _summed_up(run, policy, games)
     provenance = {"decisions": player.decisions, "seed": seed, **asdict(player.config.evaluation)}
     path = result_path(run, policy=policy, exploration=exploration, sticky_actions=sticky_actions, at=at)
     write_text(path, json.dumps(asdict(result) | {"with": provenance}, indent=2) + "\n")
@@ -226,13 +224,15 @@ def result_path(
     at: int | None = None,
 ) -> Path:
     """Return where `evaluate` writes: ``evaluation.json``, or ``evaluation-planner-sticky-0.25-at-50000.json``."""
-    said = {"random": exploration, "sticky": sticky_actions, "at": at}
+    shares = {"random": exploration, "sticky": sticky_actions}
     parts: list[str] = [] if policy == "agent" else [policy]
-    parts += [f"{name}-{value:g}" for name, value in said.items() if value is not None]
+    parts += [f"{name}-{share:g}" for name, share in shares.items() if share is not None]
+    parts += [] if at is None else [f"at-{at}"]
     return Path(run) / f"{'-'.join(['evaluation', *parts])}.json"
 
 
-def _summed_up(run: str | Path, policy: Policy, returns: list[float], lengths: list[int]) -> EvaluationResult:
+def _summed_up(run: str | Path, policy: Policy, games: Sequence[tuple[float, int]]) -> EvaluationResult:
+    returns = [total for total, _ in games]
     return EvaluationResult(
         run=str(run),
         policy=policy,
@@ -242,7 +242,7 @@ def _summed_up(run: str | Path, policy: Policy, returns: list[float], lengths: l
         min=min(returns),
         max=max(returns),
         returns=returns,
-        lengths=lengths,
+        lengths=[decisions for _, decisions in games],
     )
 
 
