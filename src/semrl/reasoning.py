@@ -52,14 +52,16 @@ class ReasoningConfig:
     """Which scenarios are imagined."""
     discount: float = 1.0
     """What a predicted reward counts one decision later."""
+    caution: float = 0.0
+    """What the doubt about a scenario's return, the forests' standard deviation, counts against it."""
     planner_every: int = 0
     """Of the training episodes so many in a row, one is played by the planner, from which all parts learn; 0: none."""
     goal: GoalConfig = field(default_factory=GoalConfig)
     """What the agent is told of the plan."""
 
     def __post_init__(self) -> None:
-        if not (self.planner_every >= 0 and 0 <= self.velocity_weight < np.inf):
-            raise UsageError("reasoning.planner_every and velocity_weight must be 0 or more")
+        if not (self.planner_every >= 0 and 0 <= self.velocity_weight < np.inf and 0 <= self.caution < np.inf):
+            raise UsageError("reasoning.planner_every, velocity_weight and caution must be 0 or more")
         if not 0 < self.discount <= 1:
             raise UsageError(f"reasoning.discount must lie above 0 and up to 1, not {self.discount}")
 
@@ -131,6 +133,7 @@ class Reasoner:
             self.state_map,
             self.routes,
             discount=self.config.discount,
+            caution=self.config.caution,
         )
 
     def leads(self, episode: int) -> bool:

@@ -167,12 +167,17 @@ class Trainer:
     def _act(self, episode: "_Episode") -> None:
         """Let the agent take one decision and learn from what it led to."""
         assert episode.state is not None
-        advised = self.reasoner.proposed_action if self.reasoner and episode.planned else None
-        action = self.agent.act(episode.state, advised)
+        advised = self.reasoner.proposed_action if self.reasoner else None
+        action = self.agent.act(episode.state, advised if episode.planned else None)
         outcome = self.game.step(action)
         self.decisions_ += 1
         self.agent.observe(
-            episode.state[0], action, outcome.reward, terminated=outcome.terminated, start=episode.length == 0
+            episode.state[0],
+            action,
+            outcome.reward,
+            terminated=outcome.terminated,
+            start=episode.length == 0,
+            advised=advised,
         )
         if self.reasoner:
             self.reasoner.observe(episode.state[0], action, outcome.reward)

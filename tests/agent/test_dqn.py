@@ -59,7 +59,7 @@ def copied(arrays):
     return {name: array.copy() for name, array in arrays.items()}
 
 
-def one_transition(discount, seed=0, shape=(3,), reward=0.7):
+def one_transition(discount, seed=0, shape=(3,), reward=0.7, advised=-1):
     rng = np.random.default_rng(seed)
     states, next_states = rng.normal(size=(2, 1, 2, *shape)).astype(np.float32)
     return Batch(
@@ -68,6 +68,7 @@ def one_transition(discount, seed=0, shape=(3,), reward=0.7):
         returns=np.array([reward], np.float32),
         next_states=next_states,
         discounts=np.array([discount], np.float32),
+        advised=np.array([advised]),
     )
 
 
@@ -104,11 +105,36 @@ def test_the_loss_is_that_of_the_target_by_hand(double, discount, reward):
     assert target[online.argmax()] != target.max()
 
 
+@pytest.mark.parametrize("advised", [-1, 0, 1, 3])
+def test_an_advised_action_should_exceed_all_others_by_the_margin(advised):
+    plain, told = (agent_with(n_actions=4, advice_margin=0.3, advice_weight=weight) for weight in (0.0, 0.5))
+    batch = one_transition(0.0, advised=advised)
+    now = values(told.network, batch.states)
+    missed = 0.0 if advised < 0 else (now + 0.3 * (np.arange(4) != advised)).max() - now[advised]
+    for agent in (plain, told):
+        agent.update(batch)
+    assert told.loss_ == pytest.approx(plain.loss_ + 0.5 * missed, rel=1e-4) and (missed > 0) == (advised >= 0)
+
+
+def test_advice_is_remembered_and_comes_to_be_followed():
+    agent = agent_with(n_actions=3, advice_margin=0.1, advice_weight=1.0, learning_rate=1e-2, adam_beta1=0.9)
+    rng = np.random.default_rng(0)
+    observations = rng.normal(size=(200, 3)).astype(np.float32)
+    best = observations.argmax(axis=1)
+    for i, observation in enumerate(observations):
+        advised = int(best[i]) if i % 2 else None  # half of the time there is no plan
+        agent.observe(observation, int(rng.integers(3)), 0.0, terminated=False, start=i == 0, advised=advised)
+    for _ in range(400):
+        agent.update(agent.replay.sample(rng, 32, n_steps=1, discount=0.0))
+    states = np.stack([observations, observations], axis=1)
+    assert (agent.action_values(states).argmax(axis=1) == best).mean() > 0.85
+
+
 def test_an_update_moves_the_value_towards_the_target():
     agent = agent_with(learning_rate=1e-2, adam_beta1=0.9, target_updates=10**6)
     batch = one_transition(0.0)
     before = abs(values(agent.network, batch.states)[1] - 0.7)
-    for _ in range(200):
+    for _ in range(400):
         agent.update(batch)
     assert abs(values(agent.network, batch.states)[1] - 0.7) < 0.01 < before
 

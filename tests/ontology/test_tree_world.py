@@ -135,10 +135,46 @@ def test_it_learns_while_the_episode_goes_on():
     for t in (30, 60, 70):
         part = Trajectory(states=episode.states[: t + 1], actions=episode.actions[:t], rewards=episode.rewards[:t])
         made.revise(part)
-        assert (made.is_fitted, made.grown_) == (t >= 50, 0 if t < 50 else 60)  # ten decisions more are too few
+        grown = [0, 0] if t < 50 else [60, 60]  # ten decisions more are too few
+        assert (made.is_fitted, made.grown_.tolist()) == (t >= 50, grown)
     assert len(made.experience) == 0  # the episode is remembered when it is over
     made.partial_fit(episode)
-    assert len(made.experience) == 200 == made.grown_
+    assert len(made.experience) == 200 and made.grown_.tolist() == [200, 200]  # one number had never changed before
+    made.partial_fit(rally(30, seed=1))
+    assert made.grown_.tolist() == [230, 200]
+    made.partial_fit(rally(30, seed=2))
+    assert made.grown_.tolist() == [230, 260]  # the oldest first
+
+
+def test_forests_doubt_what_they_disagree_about(world):
+    test = rally(1500, seed=9)
+    t = int(np.flatnonzero(test.rewards)[5]) - 12
+    sequences = np.random.default_rng(0).integers(2, size=(40, 12))
+    told = world.imagine(moment_of(test, t), sequences)
+    _, rewards, values = world.forests.roll(moment_of(test, t).window(4), moment_of(test, t).recent(3), sequences)
+    np.testing.assert_allclose(told.doubts, (rewards.sum(axis=2) + values).std(axis=0), atol=1e-6)
+    assert told.doubts.shape == (40,) and told.doubts.max() > 0
+
+
+def test_screened_scenarios_are_those_that_the_first_forests_think_best_of(world):
+    test, sequences = rally(1500, seed=9), np.random.default_rng(0).integers(2, size=(40, 12))
+    screening = copied_world(world, screening=1)
+    first = copied_world(world, members=1)
+    for t in range(50, 1200, 50):
+        whole, told, alone = (made.imagine(moment_of(test, t), sequences) for made in (world, screening, first))
+        kept = np.sort(np.argsort(-(alone.rewards.sum(axis=1) + alone.values), kind="stable")[:10])
+        np.testing.assert_array_equal(told.actions, sequences[kept])
+        for name in ("states", "rewards", "values", "doubts"):
+            np.testing.assert_allclose(getattr(told, name), getattr(whole, name)[kept], atol=1e-6)
+    few = sequences[:7]
+    np.testing.assert_array_equal(screening.imagine(moment_of(test, 50), few).actions, few)
+
+
+def copied_world(world, **settings):
+    """The same trees, asked in another way."""
+    made = TreeWorld(dataclasses.replace(world.config, **settings), 3)
+    made.load(copied(world))
+    return made
 
 
 def test_before_and_after_an_end_are_not_mixed_up():
@@ -188,7 +224,7 @@ def test_states_too_long_for_trees_are_refused():
     [
         {"members": 0}, {"leaf_decisions": 0}, {"capacity": 0}, {"first_decisions": 0}, {"new_decisions": 0},
         {"past_states": 1}, {"past_actions": -1}, {"resolution": 0.0}, {"new_share": -0.1},
-        {"value_leaf_decisions": -1},
+        {"value_leaf_decisions": -1}, {"screening": -1}, {"screening": 4},
     ],
 )  # fmt: skip
 def test_bad_parameters_are_refused(values):

@@ -64,6 +64,19 @@ def test_several_forests_agree_where_much_was_seen_and_differ_where_not():
     assert told[:, 2].std() > 3 * told[:, :2].std(axis=0).max()
 
 
+def test_one_member_is_grown_anew_and_the_others_stay():
+    rows, wanted = wholes(300, 3), np.random.default_rng(0).normal(size=(300, 2))
+    forests = fitted(rows, wanted, members=3)
+    before, sizes = forests(rows), [len(forests.tree(target).means) for target in range(2)]
+    forests.fit(rows[:40], wanted[:40] + 10, np.random.default_rng(1), leaf_rows=[3, 3], member=1)
+    after = forests(rows)
+    np.testing.assert_array_equal(after[[0, 2]], before[[0, 2]])
+    assert (after[1] > before[1].max()).all() and [len(forests.tree(target).means) for target in range(2)] == sizes
+    again = Forests(3)
+    again.from_arrays(forests.to_arrays())
+    np.testing.assert_array_equal(again(rows), after)
+
+
 def test_the_same_draw_grows_the_same():
     rows, wanted = wholes(200, 3), np.random.default_rng(0).normal(size=(200, 2))
     one, two, other = (fitted(rows, wanted, members=2, seed=seed)(rows) for seed in (0, 0, 1))

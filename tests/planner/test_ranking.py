@@ -32,7 +32,7 @@ class LineMap:
         return np.abs(states[:, :1] - self.graph_.node_means.T).argmin(axis=1)
 
 
-def ranked(ends, rewards=None, *, values=None, start=0.0, line=None, discount=1.0):
+def ranked(ends, rewards=None, *, values=None, doubts=None, start=0.0, line=None, discount=1.0, caution=0.0):
     """Rank scenarios that end somewhere; each is known by its action, its number."""
     line = line or LineMap()
     ends = np.array(ends, np.float32)[:, None]
@@ -42,9 +42,10 @@ def ranked(ends, rewards=None, *, values=None, start=0.0, line=None, discount=1.
         states=np.repeat(ends[:, None], rewards.shape[1], axis=1),
         rewards=rewards,
         values=np.zeros(len(ends)) if values is None else np.array(values),
+        doubts=None if doubts is None else np.array(doubts),
     )
     routes = plan_routes(line.graph_, LongTermConfig())
-    return rank(scenarios, np.array([[start]], np.float32), ends, line, routes, discount=discount)
+    return rank(scenarios, np.array([[start]], np.float32), ends, line, routes, discount=discount, caution=caution)
 
 
 def order(plan):
@@ -160,6 +161,15 @@ def test_without_a_path_a_scenario_that_ends_near_a_centroid_is_better():
     assert order(plan) == [3, 1, 2, 0]
     assert (plan.node, plan.path.tolist()) == (0, []) and plan.progress.tolist() == [-1] * 4
     assert plan.end_nodes.tolist() == [2, 3, 0, 1]
+
+
+def test_doubt_counts_against_a_scenario_as_much_as_asked():
+    given = {"ends": [2.0, 2.0, 2.0], "rewards": [[1], [0.8], [0]], "doubts": [0.6, 0.1, 0.0]}
+    assert order(ranked(**given)) == [0, 1, 2]
+    careful = ranked(**given, caution=1.0)
+    assert order(careful) == [1, 0, 2] and careful.returns == pytest.approx([0.7, 0.4, 0.0])
+    assert careful.scenarios.doubts.tolist() == [0.1, 0.6, 0.0]
+    assert order(ranked(**given, caution=9.0)) == [2, 1, 0]
 
 
 def test_nothing_given_is_changed():

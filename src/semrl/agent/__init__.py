@@ -1,6 +1,7 @@
 """The reinforcement-learning agent (§3.3)."""
 
-from semrl.agent.dqn import DQN, DQNConfig
+from semrl.agent.config import DQNConfig
+from semrl.agent.dqn import DQN
 from semrl.agent.networks import NetworkConfig
 from semrl.agent.tabular import QLearning, QLearningConfig
 

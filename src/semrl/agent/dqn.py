@@ -1,7 +1,5 @@
 """Deep Q-learning (§3.3; Mnih et al. 2015), with the additions that proved worth it here."""
 
-import math
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -10,88 +8,12 @@ from numpy.typing import DTypeLike, NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from semrl.agent.networks import NetworkConfig, build_network
+from semrl.agent.config import DQNConfig
+from semrl.agent.networks import build_network
 from semrl.agent.replay import Batch, ReplayBuffer
 from semrl.arrays import Arrays, array_to_rng, nest, rng_to_array, unnest
-from semrl.errors import SemrlError, UsageError
-
-
-@dataclass(frozen=True, kw_only=True)
-class DQNConfig:
-    """Parameters of learning; the defaults are the thesis's (§3.3), else those of the DQN paper."""
-
-    exploration_frames: int = 30_000
-    """Emulator frames until exploration reaches its minimum."""
-    exploration_max: float = 1.0
-    """Probability of a random action at the beginning."""
-    exploration_min: float = 0.01
-    """Probability of a random action at the end; the decay is exponential."""
-    final_exploration: float = 1.0
-    """What is left of it at the end of the budget, as a share; it falls evenly through the second half."""
-    heads: int = 1
-    """Estimates of the values side by side (bootstrapped DQN, Osband et al. 2016); one at a time is followed."""
-    head_decisions: int = 100
-    """Decisions after which another head is followed, on average; after a reward it is always another."""
-    learning_rate: float = 1e-4
-    """Step size of Adam."""
-    final_learning_rate: float = 1.0
-    """What is left of it at the end of the budget, as a share; it falls evenly through the second half."""
-    adam_beta1: float = 0.99
-    """Adam's memory of gradients."""
-    adam_beta2: float = 0.999
-    """Adam's memory of squared gradients."""
-    adam_epsilon: float = 1e-8
-    """Added to Adam's denominator."""
-    batch_size: int = 32
-    """Transitions in one update."""
-    replay_capacity: int = 100_000
-    """Observations kept for replay."""
-    initial_buffer: int = 10_000
-    """Decisions gathered before the first update."""
-    discount: float = 0.99
-    """What a reward one decision later counts."""
-    decisions_per_update: int = 4
-    """Decisions between two updates."""
-    reward_share: float = 0.0
-    """Share of a batch that is drawn from the decisions shortly before rewards; the rest is uniform."""
-    n_steps: int = 1
-    """Decisions whose rewards are summed before the target network is asked."""
-    double: bool = False
-    """Choose the next action by the online network, value it by the target network (van Hasselt et al. 2016)."""
-    target_rate: float = 1.0
-    """Share of the online weights taken over at each renewal of the target network."""
-    target_updates: int = 250
-    """Updates between two renewals of the target network."""
-    clip_rewards: bool = True
-    """Learn from the sign of the reward only."""
-    network: NetworkConfig = field(default_factory=NetworkConfig)
-    """Shape of the Q-network."""
-
-    def __post_init__(self) -> None:
-        for name in _COUNTS:
-            if getattr(self, name) < 1:
-                raise UsageError(f"agent.{name} must be 1 or more, not {getattr(self, name)}")
-        for name in _SHARES:
-            if not 0 <= getattr(self, name) <= 1:
-                raise UsageError(f"agent.{name} must lie between 0 and 1, not {getattr(self, name)}")
-        for name in _POSITIVE:
-            if not 0 < getattr(self, name) < math.inf:
-                raise UsageError(f"agent.{name} must be above 0, not {getattr(self, name)}")
-        if self.exploration_min > self.exploration_max:
-            raise UsageError("agent.exploration_min must not exceed agent.exploration_max")
-        if self.replay_capacity <= self.n_steps:
-            raise UsageError(f"agent.replay_capacity must exceed agent.n_steps, {self.n_steps}")
-
-
-_COUNTS = (
-    "exploration_frames", "heads", "head_decisions", "batch_size", "initial_buffer", "decisions_per_update", "n_steps",
-    "target_updates",
-)  # fmt: skip
-_SHARES = (
-    "exploration_min", "exploration_max", "final_exploration", "final_learning_rate", "adam_beta1", "adam_beta2",
-    "discount", "reward_share", "target_rate",
-)  # fmt: skip
-_POSITIVE = ("exploration_min", "learning_rate", "adam_epsilon", "target_rate")
+from semrl.errors import SemrlError
+from semrl.types import Ints
 
 
 class DQN:
@@ -186,11 +108,20 @@ class DQN:
         """Return the estimated values of all actions, ``(b, n_actions)``, for ``(b, 2, *shape)``: the heads' mean."""
         return np.asarray(self._head_values(states).mean(axis=1))
 
-    def observe(self, observation: NDArray[Any], action: int, reward: float, *, terminated: bool, start: bool) -> None:
-        """Remember one decision and, when it is time, learn."""
+    def observe(
+        self,
+        observation: NDArray[Any],
+        action: int,
+        reward: float,
+        *,
+        terminated: bool,
+        start: bool,
+        advised: int | None = None,
+    ) -> None:
+        """Remember one decision, and what a planner would have done, and, when it is time, learn."""
         c = self.config
         reward = float(np.sign(reward)) if c.clip_rewards else reward
-        self.replay.add(observation, action, reward, terminated=terminated, start=start)
+        self.replay.add(observation, action, reward, terminated=terminated, start=start, advised=advised)
         self.decisions_ += 1
         if reward or self._rng.random() * c.head_decisions < 1:
             self._head = int(self._rng.integers(c.heads))
@@ -214,9 +145,10 @@ class DQN:
             When the loss is not a number.
         """
         values = self._per_head(self.network(torch.from_numpy(batch.states)))
-        actions = torch.from_numpy(batch.actions)[:, None, None].expand(-1, self.config.heads, 1)
-        values = values.gather(2, actions)[:, :, 0]  # (b, heads)
-        loss = functional.smooth_l1_loss(values, self._targets(batch))
+        taken = self._of_actions(values, batch.actions)
+        loss = functional.smooth_l1_loss(taken, self._targets(batch))
+        if self.config.advice_weight:
+            loss = loss + self.config.advice_weight * self._advice_missed(values, batch.advised)
         self.loss_ = float(loss.detach())
         if not np.isfinite(self.loss_):
             raise SemrlError(
@@ -284,6 +216,20 @@ class DQN:
             returns, discounts = torch.from_numpy(batch.returns), torch.from_numpy(batch.discounts)
             targets: Tensor = returns[:, None] + discounts[:, None] * value  # (b, heads)
         return targets
+
+    def _of_actions(self, values: Tensor, actions: Ints) -> Tensor:
+        """Return the values of ``(b,)`` actions, ``(b, heads)``, of ``(b, heads, n_actions)``."""
+        return values.gather(2, torch.from_numpy(actions)[:, None, None].expand(-1, self.config.heads, 1))[:, :, 0]
+
+    def _advice_missed(self, values: Tensor, advised: Ints) -> Tensor:
+        """Return by how much advised actions fall short of the margin over all others, on average."""
+        given = np.flatnonzero(advised >= 0)
+        if not len(given):
+            return values.new_zeros(())
+        values, advice = values[torch.from_numpy(given)], advised[given]
+        margins = torch.full((len(given), 1, self.n_actions), self.config.advice_margin)
+        margins[torch.arange(len(given)), 0, torch.from_numpy(advice)] = 0.0
+        return ((values + margins).amax(dim=2) - self._of_actions(values, advice)).mean()
 
     def _per_head(self, values: Tensor) -> Tensor:
         """View the network's output as ``(b, heads, n_actions)``."""

@@ -31,6 +31,8 @@ class Batch:
         ``(b,)`` float32, discounted rewards of up to n steps.
     discounts
         ``(b,)`` float32, what the value of the next state counts: γ to the number of steps, 0 after the end.
+    advised
+        ``(b,)`` int64, the actions that a planner proposed; −1 where there was no advice.
     """
 
     states: NDArray[Any]
@@ -38,6 +40,7 @@ class Batch:
     returns: NDArray[np.float32]
     next_states: NDArray[Any]
     discounts: NDArray[np.float32]
+    advised: Ints
 
 
 class ReplayBuffer:
@@ -58,6 +61,7 @@ class ReplayBuffer:
         self.capacity = capacity
         self._observations = np.zeros((capacity, *shape), dtype=dtype)
         self._actions = np.full(capacity, -1, dtype=np.int16)  # −1: the end of an episode
+        self._advised = np.full(capacity, -1, dtype=np.int16)  # −1: no advice
         self._rewards = np.zeros(capacity, dtype=np.float32)
         self._terminated = np.zeros(capacity, dtype=np.bool_)
         self._starts = np.zeros(capacity, dtype=np.bool_)
@@ -66,11 +70,21 @@ class ReplayBuffer:
     def __len__(self) -> int:
         return min(self._count, self.capacity)
 
-    def add(self, observation: NDArray[Any], action: int, reward: float, *, terminated: bool, start: bool) -> None:
+    def add(
+        self,
+        observation: NDArray[Any],
+        action: int,
+        reward: float,
+        *,
+        terminated: bool,
+        start: bool,
+        advised: int | None = None,
+    ) -> None:
         """Store an observation and what followed it; ``start`` marks the first of an episode."""
         i = self._count % self.capacity
         self._observations[i] = observation
         self._actions[i] = action
+        self._advised[i] = -1 if advised is None else advised
         self._rewards[i] = reward
         self._terminated[i] = terminated
         self._starts[i] = start
@@ -113,6 +127,7 @@ class ReplayBuffer:
             returns=(self._rewards[entries] * alive * gammas[:-1]).sum(axis=1, dtype=np.float32),
             next_states=self._stack(next_ticks, oldest),
             discounts=np.where(ended, np.float32(0), gammas[lengths]),
+            advised=self._advised[ticks % self.capacity].astype(np.int64),
         )
 
     def latest(self, count: int) -> NDArray[Any]:
@@ -126,6 +141,7 @@ class ReplayBuffer:
         return {
             "observations": self._observations[:n],
             "actions": self._actions[:n],
+            "advised": self._advised[:n],
             "rewards": self._rewards[:n],
             "terminated": self._terminated[:n],
             "starts": self._starts[:n],
@@ -134,9 +150,9 @@ class ReplayBuffer:
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Take over a ring of the same capacity and shape; a full one is not copied."""
-        self._observations, self._actions, self._rewards, self._terminated, self._starts = (
+        self._observations, self._actions, self._advised, self._rewards, self._terminated, self._starts = (
             _extended(arrays[name], self.capacity)
-            for name in ("observations", "actions", "rewards", "terminated", "starts")
+            for name in ("observations", "actions", "advised", "rewards", "terminated", "starts")
         )
         self._count = int(arrays["count"])
 

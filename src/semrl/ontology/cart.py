@@ -12,6 +12,7 @@ from semrl.kernels import compiled
 from semrl.types import Floats, Ints
 
 MAX_BINS = 512
+_FEW = 8  # bins a row above which only those that are not empty are looked at
 
 
 def bins_of(rows: Floats) -> tuple[NDArray[np.uint16], list[Floats]]:
@@ -71,8 +72,9 @@ def _grow(
     places: NDArray[np.uint16], widths: Ints, wanted: NDArray[np.float64], drawn: Ints, leaf_rows: int
 ) -> tuple[NDArray[np.int32], Ints, NDArray[np.float64]]:
     """Return column and left child, bin after which to cut, and mean, rows and mean squared error of each node."""
-    rows = drawn.copy()
-    most = 2 * (len(rows) // leaf_rows) + 1
+    times = np.bincount(drawn, minlength=len(wanted))  # a row drawn twice counts twice, but is looked at once
+    rows = np.flatnonzero(times)  # ascending, so memory is read in its order
+    most = 2 * (len(drawn) // leaf_rows) + 1
     nodes = np.full((most, 2), -1, np.int32)
     chosen, told = np.zeros(most, np.int64), np.zeros((most, 3))
     spans = np.zeros((most, 2), np.int64)  # which of the rows belong to a node
@@ -80,11 +82,11 @@ def _grow(
     size, node = 1, 0
     while node < size:
         mine = rows[spans[node, 0] : spans[node, 1]]
-        told[node, 0], told[node, 2] = _moments(mine, wanted)
-        told[node, 1] = len(mine)
+        here = wanted[mine], times[mine]
+        told[node] = _moments(*here)
         column, cut = -1, -1
-        if told[node, 2] > 0 and len(mine) >= 2 * leaf_rows:
-            column, cut = _best_cut(mine, places, widths, wanted, leaf_rows)
+        if told[node, 2] > 0 and told[node, 1] >= 2 * leaf_rows:
+            column, cut = _best_cut(mine, places, widths, here, leaf_rows)
         if column >= 0:
             middle = spans[node, 0] + _part(mine, places[column], cut)
             nodes[node] = column, size
@@ -97,44 +99,59 @@ def _grow(
 
 
 @compiled
-def _moments(mine: Ints, wanted: NDArray[np.float64]) -> tuple[float, float]:
-    """Return mean and mean squared error of what is wanted; the latter is exactly 0 when it is the same for all."""
-    total = 0.0
-    for row in mine:
-        total += wanted[row] - wanted[mine[0]]
-    shift, squares = total / len(mine), 0.0
-    for row in mine:
-        squares += (wanted[row] - wanted[mine[0]] - shift) ** 2
-    return wanted[mine[0]] + shift, squares / len(mine)
+def _moments(wanted: NDArray[np.float64], times: Ints) -> tuple[float, float, float]:
+    """Return mean, count and mean squared error; the last is exactly 0 when the same is wanted everywhere."""
+    count, total = 0, 0.0
+    for i in range(len(wanted)):
+        count += times[i]
+        total += times[i] * (wanted[i] - wanted[0])
+    shift, squares = total / count, 0.0
+    for i in range(len(wanted)):
+        squares += times[i] * (wanted[i] - wanted[0] - shift) ** 2
+    return wanted[0] + shift, float(count), squares / count
 
 
 @compiled
 def _best_cut(
-    mine: Ints, places: NDArray[np.uint16], widths: Ints, wanted: NDArray[np.float64], leaf_rows: int
+    mine: Ints,
+    places: NDArray[np.uint16],
+    widths: Ints,
+    here: tuple[NDArray[np.float64], Ints],
+    leaf_rows: int,
 ) -> tuple[int, int]:
     """Return the column and the bin after which to cut for the smallest squared error; −1 where no cut helps."""
+    wanted, times = here
     counts, sums = np.zeros(MAX_BINS, np.int64), np.zeros(MAX_BINS)
-    total = 0.0
-    for row in mine:
-        total += wanted[row]
-    n, best, found, after = len(mine), total * total / len(mine) + 1e-9, -1, -1
+    occupied = np.empty(min(len(mine), MAX_BINS), np.int64)
+    weighted, n, total = wanted * times, times.sum(), 0.0
+    for i in range(len(mine)):
+        total += weighted[i]
+    best, found, after = total * total / n + 1e-9, -1, -1
     for column in range(len(places)):
-        counts[: widths[column]] = 0
-        sums[: widths[column]] = 0.0
-        for row in mine:
-            place = places[column, row]
-            counts[place] += 1
-            sums[place] += wanted[row]
+        few = _FEW * len(mine) < widths[column]
+        filled = 0
+        for i in range(len(mine)):
+            place = places[column, mine[i]]
+            if few and counts[place] == 0:
+                at = filled
+                while at > 0 and occupied[at - 1] > place:
+                    occupied[at] = occupied[at - 1]
+                    at -= 1
+                occupied[at] = place
+                filled += 1
+            counts[place] += times[i]
+            sums[place] += weighted[i]
         left, left_sum = 0, 0.0
-        for place in range(widths[column] - 1):
+        for k in range(filled if few else widths[column]):
+            place = occupied[k] if few else k
             if counts[place] == 0:
                 continue
             left += counts[place]
             left_sum += sums[place]
-            if left < leaf_rows:
+            counts[place] = 0
+            sums[place] = 0.0
+            if left < leaf_rows or n - left < leaf_rows:
                 continue
-            if n - left < leaf_rows:
-                break
             explained = left_sum**2 / left + (total - left_sum) ** 2 / (n - left)
             if explained > best:
                 best, found, after = explained, column, place

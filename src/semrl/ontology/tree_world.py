@@ -16,6 +16,7 @@ from semrl.types import Floats, Ints, Moment, Scenarios, Trajectory
 
 MAX_DIMENSION = 32
 """Longest state that trees are fitted to; they look at all pairs of numbers."""
+_FEWEST_SCREENED = 8  # scenarios
 REWARD, RETURN = "the reward", "the return"
 """What rules call them."""
 
@@ -25,7 +26,11 @@ class TreesConfig:
     """Settings of `TreeWorld`."""
 
     members: int = 3
-    """Forests, each grown from its own draw of what was lived; a reward counts what they foresee on average."""
+    """Forests, each grown from its own draw of what was lived; a reward counts what they foresee on average.
+
+    When it is time, the oldest is grown anew."""
+    screening: int = 0
+    """Forests that are asked about all scenarios, the others about the best quarter alone; 0: all about all."""
     past_states: int = 4
     """States that are looked at, the present one included."""
     past_actions: int = 3
@@ -42,15 +47,17 @@ class TreesConfig:
     """Decisions remembered, the oldest episodes first to go."""
     first_decisions: int = 1_000
     """Decisions before trees are grown for the first time."""
-    new_decisions: int = 300
-    """Fewest new decisions before they are grown anew, which is after the next reward or the end of the episode."""
+    new_decisions: int = 100
+    """Fewest new decisions before a forest is grown anew, which is after the next reward or the end of the episode."""
     new_share: float = 0.03
-    """The same as a share of those that they were grown from."""
+    """The same as a share of those that the newest was grown from."""
 
     def __post_init__(self) -> None:
         for name in ("members", "leaf_decisions", "capacity", "first_decisions", "new_decisions"):
             if getattr(self, name) < 1:
                 raise UsageError(f"trees.{name} must be 1 or more, not {getattr(self, name)}")
+        if not 0 <= self.screening <= self.members:
+            raise UsageError(f"trees.screening must lie in 0 … members, {self.members}, not {self.screening}")
         if self.past_states < 2 or self.past_actions < 0:
             raise UsageError("trees.past_states must be 2 or more and trees.past_actions 0 or more")
         if not (self.resolution > 0 and min(self.new_share, self.value_leaf_decisions, self.least_changes) >= 0):
@@ -97,35 +104,59 @@ class TreeWorld:
         self.forests = Forests(config.members)
         self.varying_ = np.arange(dimension)
         self.seen_ = 0
-        self.grown_ = 0
+        self.grown_ = np.zeros(config.members, np.int64)
 
     @property
     def is_fitted(self) -> bool:
         """Whether trees were grown yet."""
-        return self.grown_ > 0
+        return bool(self.grown_.all())
 
     def partial_fit(self, trajectory: Trajectory) -> dict[str, float]:
-        """Remember an episode and, when there is enough new, grow the trees anew."""
+        """Remember an episode and, when there is enough new, grow a forest anew."""
         self.experience.add(trajectory)
         self.seen_ += len(trajectory)
         self._grow_if_due(self.experience, self.seen_)
         return {}
 
     def revise(self, so_far: Trajectory) -> None:
-        """Grow the trees anew, when there is enough new, from all that is remembered and the episode so far."""
+        """Grow a forest anew, when there is enough new, from all that is remembered and the episode so far."""
         seen = self.seen_ + len(so_far)
         if self._is_due(seen):
             self._grow_if_due(self.experience.joined(so_far), seen)
 
     def imagine(self, moment: Moment, sequences: Ints) -> Scenarios:
-        """Roll ``(s, t)`` sequences of actions forward from a moment; rewards and values are the forests' mean."""
+        """Roll ``(s, t)`` sequences of actions forward from a moment; rewards and values are the forests' mean.
+
+        Where some forests screen, only the sequences that they think best of come back.
+        """
         unit, c = np.float32(self.config.resolution), self.config
         window = np.rint(moment.window(c.past_states)[:, self.varying_] / unit)
-        foreseen, rewards, values = self.forests.roll(window, moment.recent(c.past_actions), sequences)
+        past = window, moment.recent(c.past_actions)
+        foreseen, rewards, values = self.forests.roll(*past, sequences, slice(c.screening or None))
+        if 0 < c.screening < c.members and len(sequences) >= _FEWEST_SCREENED:
+            means = self._returns(rewards, values).mean(axis=0)
+            best = np.sort(np.argsort(-means, kind="stable")[: len(sequences) // 4])
+            sequences = sequences[best]
+            _, more_rewards, more_values = self.forests.roll(*past, sequences, slice(c.screening, None))
+            foreseen = foreseen[best]
+            rewards = np.concatenate([rewards[:, best], more_rewards])
+            values = np.concatenate([values[:, best], more_values])
         states = np.empty((*sequences.shape, moment.states.shape[1]), np.float32)
         states[:] = moment.states[0]
         states[:, :, self.varying_] = foreseen * unit
-        return Scenarios(actions=sequences, states=states, rewards=rewards.mean(axis=0), values=values.mean(axis=0))
+        return Scenarios(
+            actions=sequences,
+            states=states,
+            rewards=rewards.mean(axis=0),
+            values=values.mean(axis=0),
+            doubts=self._returns(rewards, values).std(axis=0).astype(np.float32),
+        )
+
+    def _returns(self, rewards: Floats, values: Floats) -> NDArray[np.float64]:
+        """Return what each forest makes of each scenario, ``(members, s)``."""
+        length = rewards.shape[2]
+        weights = self.discount ** np.arange(length)
+        return np.asarray((rewards * weights).sum(axis=2) + self.discount**length * values)
 
     def rules(self, names: Sequence[str], actions: Sequence[str], *, most: int = 8) -> list[Rule]:
         """Say what the first forest has learned of each number, and of the reward, in so many rules each.
@@ -149,7 +180,7 @@ class TreeWorld:
 
     def to_arrays(self) -> Arrays:
         """Return trees and memory."""
-        own = {"counts": np.array([self.seen_, self.grown_]), "varying": self.varying_}
+        own = {"counts": np.array([self.seen_, *self.grown_]), "varying": self.varying_}
         return nest(forests=self.forests.to_arrays(), experience=self.experience.to_arrays()) | own
 
     def from_arrays(self, arrays: Arrays) -> None:
@@ -161,23 +192,26 @@ class TreeWorld:
         """Take over the trees; enough to foresee."""
         self.forests.from_arrays(unnest(arrays, "forests"))
         self.varying_ = arrays["varying"]
-        self.seen_, self.grown_ = (int(count) for count in arrays["counts"])
+        self.seen_, self.grown_ = int(arrays["counts"][0]), arrays["counts"][1:].copy()
 
     def _is_due(self, seen: int) -> bool:
         c = self.config
-        if not self.grown_:
-            return seen >= c.first_decisions
-        return seen - self.grown_ >= max(c.new_decisions, c.new_share * self.grown_)
+        newest = int(self.grown_.max())
+        return seen >= c.first_decisions if not newest else seen - newest >= max(c.new_decisions, c.new_share * newest)
 
     def _grow_if_due(self, lived: Experience, seen: int) -> None:
         if not self._is_due(seen):
             return
         c = self.config
+        looked_at = self.varying_
         rows, wanted = self._lessons(lived)
         leaves = [c.leaf_decisions] * (wanted.shape[1] - 1) + [max(c.value_leaf_decisions, 1)]
         unseen = action_column(wanted.shape[1] - 2, c.past_states)
-        self.forests.fit(rows, wanted, np.random.default_rng([self.seed, seen]), leaf_rows=leaves, unseen=unseen)
-        self.grown_ = seen
+        oldest = int(self.grown_.argmin()) if self.is_fitted and np.array_equal(looked_at, self.varying_) else None
+        self.forests.fit(
+            rows, wanted, np.random.default_rng([self.seed, seen]), leaf_rows=leaves, unseen=unseen, member=oldest
+        )
+        self.grown_[oldest] = seen  # of all of them where there is no oldest
 
     def _lessons(self, lived: Experience) -> tuple[Floats, NDArray[np.float64]]:
         """Return what the trees see of every decision and what they are to predict: changes, reward and return.

@@ -25,11 +25,18 @@ class Locator(Protocol):
 
 
 def rank(
-    scenarios: Scenarios, start: Floats, ends: Floats, state_map: Locator, routes: Routes, *, discount: float = 1.0
+    scenarios: Scenarios,
+    start: Floats,
+    ends: Floats,
+    state_map: Locator,
+    routes: Routes,
+    *,
+    discount: float = 1.0,
+    caution: float = 0.0,
 ) -> Plan:
     """Sort scenarios by return, then progress along the path, then closeness to the node reached (§3.4.4).
 
-    The return is what is predicted, and what is expected beyond.
+    The return is what is predicted, and what is expected beyond, less what is doubtful about it.
 
     Parameters
     ----------
@@ -41,6 +48,8 @@ def rank(
         The map and its long-term plan.
     discount
         What a reward counts one decision later.
+    caution
+        What doubts count.
 
     Returns
     -------
@@ -52,6 +61,8 @@ def rank(
     weights = discount ** np.arange(scenarios.rewards.shape[1], dtype=np.float64)  # (t,)
     returns = (scenarios.rewards * weights).sum(axis=1)  # (s,); a matrix product would round equal rows differently
     returns += discount ** len(weights) * scenarios.values
+    if scenarios.doubts is not None:
+        returns -= caution * scenarios.doubts
     if not len(graph):
         nowhere = np.full(len(scenarios), -1)
         order = np.argsort(-returns, kind="stable")
@@ -91,6 +102,7 @@ def _plan(
         states=scenarios.states[order],
         rewards=scenarios.rewards[order],
         values=scenarios.values[order],
+        doubts=None if scenarios.doubts is None else scenarios.doubts[order],
     )
     return Plan(
         node=node,
