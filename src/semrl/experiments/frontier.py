@@ -1,6 +1,6 @@
 """How far it gets in 100,000 decisions: the agents on tracked objects, the planner alone, and somebody else's agent."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -30,7 +30,7 @@ class Race:
     decisions
         Budget of each run.
     seeds
-        Of the runs of each model.
+        Model → seeds of its runs. The one without a map is there for comparison.
     milestones
         Decisions after which the planner is tested on the way; the agent from the second on.
     episodes
@@ -42,7 +42,9 @@ class Race:
     """
 
     decisions: int = 100_000
-    seeds: tuple[int, ...] = tuple(range(10))
+    seeds: Mapping[str, tuple[int, ...]] = field(
+        default_factory=lambda: {"objects": (0, 1, 2), "objects-map": tuple(range(10))}
+    )
     milestones: tuple[int, ...] = (3_000, 25_000, 50_000)
     episodes: tuple[int, int, int] = (30, 10, 5)
     overrides: dict[str, Any] = field(default_factory=dict)
@@ -70,7 +72,7 @@ class Race:
                 trials=tuple(trial for policy in policies(model) for trial in self.trials(policy)),
             )
             for model in MODELS
-            for seed in self.seeds
+            for seed in self.seeds[model]
         )
 
 
@@ -189,18 +191,20 @@ TINY = {
 }
 """Everything learns in a second."""
 
+ONE_SEED = dict.fromkeys(MODELS, (0,))
+
 RACES: dict[Scale, Race] = {
     "full": Race(),
     "quick": Race(
         decisions=8_000,
-        seeds=(0,),
+        seeds=ONE_SEED,
         milestones=(4_000, 5_000, 6_000),
         episodes=(1, 1, 1),
         match=Match(decisions=2_000, learning_starts=500, episodes=1),
     ),
     "tiny": Race(
         decisions=400,
-        seeds=(0,),
+        seeds=ONE_SEED,
         milestones=(250, 300, 350),
         episodes=(1, 1, 1),
         overrides=TINY,
