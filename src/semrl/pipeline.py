@@ -161,7 +161,7 @@ class Pipeline:
         if self.view == "ram":
             return ram_feature_names(self.rom)
         if self.view == "objects" or self._listed:
-            return tuple(f"slot {i} {name}" for i in range(len(self.roles.slots_)) for name in SLOT_NUMBERS)
+            return tuple(f"{role} {name}" for role in self.roles.names_ for name in SLOT_NUMBERS)
         return ()
 
     def begin_episode(self) -> None:

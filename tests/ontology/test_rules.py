@@ -81,3 +81,18 @@ def test_each_number_has_a_tree_of_its_own():
 def test_no_rule_at_all_cannot_be_asked_for():
     with pytest.raises(UsageError, match="at least one rule"):
         read_rules(forest(np.ones((4, 2), np.float32), np.ones((4, 1))).tree(0), "x", NAMES, ACTIONS, most=0)
+
+
+def test_numbers_are_told_in_the_unit_that_is_asked_for():
+    rows = np.random.default_rng(0).integers(0, 20, size=(1000, 3)).astype(np.float32)
+    tree = forest(rows, np.where((rows[:, :1] > 11) & (rows[:, 2:] > 6), -3.0, 2.0)).tree(0)
+    names = ("x", "y", "the action")
+    plain, scaled = (
+        read_rules(tree, "x", names, ACTIONS),
+        read_rules(tree, "x", names, ACTIONS, scale=0.5, value_scale=10),
+    )
+    assert {rule.value for rule in plain} == {-3, 2} and {rule.value for rule in scaled} == {-30, 20}
+    assert any("x > 11.5" in rule.conditions for rule in plain)
+    assert any("x > 5.75" in rule.conditions for rule in scaled)
+    actions = [{text for rule in told for text in rule.conditions if "action" in text} for told in (plain, scaled)]
+    assert actions[0] == actions[1] and actions[0]

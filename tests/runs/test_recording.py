@@ -175,6 +175,6 @@ def test_slots_are_drawn_with_their_identities(objects_run):
         assert len(seen.names) == len(seen.boxes_px) == len(seen.classes) <= len(pipeline.roles.slots_)
         if i > 8:
             break
-    assert seen.names and all(name.startswith("slot ") for name in seen.names)
+    assert seen.names and all(name.startswith(("own", "object ")) for name in seen.names)
     picture = recording.compose(pipeline, step, i + 1)
     assert picture.dtype == np.uint8 and picture.shape[0] % 2 == picture.shape[1] % 2 == 0

@@ -18,8 +18,8 @@ from semrl.runs.rules import load_rules
 class RulesArguments:
     """Print the rules by which a run foresees what comes next: what changes by how much, and when.
 
-    They are its first forest's trees, pruned to the rules that say most. Changes and bounds are in units of
-    reasoning.trees.resolution; of RAM features these are the emulator's pixels.
+    They are its first forest's trees, pruned to the rules that say most. Places of objects are in percent of the image,
+    from the left and from the top; RAM features in the emulator's pixels.
 
     Example:  semrl rules runs/first --most 5
     """

@@ -32,7 +32,11 @@ LOST = -21
 RESAMPLES = 2000
 
 SWEEPS: dict[Scale, Sweep] = {
-    "full": Sweep(frames=2_000_000, seeds={"thesis": ((0,), (0,)), "semrl": ((0,), (0, 1, 2))}),
+    "full": Sweep(
+        frames=2_000_000,
+        seeds={"thesis": ((0,), (0,)), "semrl": ((0,), (0, 1, 2))},
+        overrides={"agent": {"decisions_per_update": 4}},  # five times the play: as many updates as with a fifth of it
+    ),
     "quick": Sweep(
         frames=32_000,
         seeds={"thesis": ((0,), (0,)), "semrl": ((0,), (0,))},

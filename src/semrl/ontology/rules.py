@@ -24,7 +24,7 @@ class Rule:
     conditions
         In words; none when it always holds.
     value
-        The change, in units of the model's resolution, or the reward.
+        The change, or the reward.
     decisions
         For which it held.
     error
@@ -55,7 +55,16 @@ def feature_names(names: Sequence[str], past_states: int, past_actions: int) -> 
     return [*names, *(f"{name}, if it goes on," for name in names), *changes, *pairs, *actions]
 
 
-def read_rules(tree: Tree, about: str, names: Sequence[str], actions: Sequence[str], *, most: int = 8) -> list[Rule]:
+def read_rules(
+    tree: Tree,
+    about: str,
+    names: Sequence[str],
+    actions: Sequence[str],
+    *,
+    most: int = 8,
+    scale: float = 1.0,
+    value_scale: float = 1.0,
+) -> list[Rule]:
     """Read the rules of a tree, those that hold most often first.
 
     Parameters
@@ -70,6 +79,8 @@ def read_rules(tree: Tree, about: str, names: Sequence[str], actions: Sequence[s
         Names of the actions.
     most
         Rules that are left.
+    scale, value_scale
+        What one unit of the columns, and one of what the tree predicts, is called.
 
     Raises
     ------
@@ -84,14 +95,14 @@ def read_rules(tree: Tree, about: str, names: Sequence[str], actions: Sequence[s
     while open_nodes:
         node, bounds = open_nodes.pop()
         if node in leaves:
-            conditions = tuple(_condition(names[column], *bound, actions) for column, bound in bounds.items())
+            conditions = tuple(_condition(names[column], *bound, actions, scale) for column, bound in bounds.items())
             found.append(
                 Rule(
                     about=about,
                     conditions=conditions,
-                    value=float(tree.means[node]),
+                    value=value_scale * float(tree.means[node]),
                     decisions=int(tree.rows[node]),
-                    error=float(np.sqrt(tree.errors[node])),
+                    error=value_scale * float(np.sqrt(tree.errors[node])),
                 )
             )
             continue
@@ -128,13 +139,14 @@ def _children(tree: Tree, node: int) -> tuple[int, int]:
     return int(tree.left[node]), int(tree.left[node]) + 1
 
 
-def _condition(name: str, low: float, high: float, actions: Sequence[str]) -> str:
+def _condition(name: str, low: float, high: float, actions: Sequence[str], scale: float) -> str:
     """Say between which bounds a number lies, or which actions are meant."""
     if name.startswith("the action"):
         meant = [action for i, action in enumerate(actions) if low < i <= high]
         return f"{name} is {' or '.join(meant) or 'not there yet'}"
+    low, high = scale * low, scale * high
     if not np.isfinite(low):
-        return f"{name} ≤ {high:g}"
+        return f"{name} ≤ {high:.4g}"
     if not np.isfinite(high):
-        return f"{name} > {low:g}"
-    return f"{low:g} < {name} ≤ {high:g}"
+        return f"{name} > {low:.4g}"
+    return f"{low:.4g} < {name} ≤ {high:.4g}"

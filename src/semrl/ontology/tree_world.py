@@ -158,7 +158,9 @@ class TreeWorld:
         weights = self.discount ** np.arange(length)
         return np.asarray((rewards * weights).sum(axis=2) + self.discount**length * values)
 
-    def rules(self, names: Sequence[str], actions: Sequence[str], *, most: int = 8) -> list[Rule]:
+    def rules(
+        self, names: Sequence[str], actions: Sequence[str], *, most: int = 8, unit: float | None = None
+    ) -> list[Rule]:
         """Say what the first forest has learned of each number, and of the reward, in so many rules each.
 
         Parameters
@@ -169,13 +171,19 @@ class TreeWorld:
             Of the actions.
         most
             Rules for each.
+        unit
+            In which numbers are told; the resolution when None.
         """
         varying = [names[i] for i in self.varying_.tolist()]
         columns = feature_names(varying, self.config.past_states, self.config.past_actions)
+        scale = self.config.resolution / unit if unit else 1.0
+        told = [*((name, scale) for name in varying), (REWARD, 1.0), (RETURN, 1.0)]
         return [
             rule
-            for target, about in enumerate([*varying, REWARD, RETURN])
-            for rule in read_rules(self.forests.tree(target), about, columns, actions, most=most)
+            for target, (about, value_scale) in enumerate(told)
+            for rule in read_rules(
+                self.forests.tree(target), about, columns, actions, most=most, scale=scale, value_scale=value_scale
+            )
         ]
 
     def to_arrays(self) -> Arrays:

@@ -8,6 +8,9 @@ from semrl.ontology.rules import Rule
 from semrl.runs.evaluation import load_player
 from semrl.runs.maps import action_names
 
+PERCENT = 0.01
+"""Of the image, in which places of what is tracked are told."""
+
 
 def load_rules(run: str | Path, *, most: int = 8) -> list[Rule]:
     """Read the rules that a run has learned, so many for each number of its state and for the reward.
@@ -27,4 +30,4 @@ def load_rules(run: str | Path, *, most: int = 8) -> list[Rule]:
     if not world.is_fitted:
         raise UsageError(f"{run} has not learned any rules yet: it needs more frames")
     names = player.pipeline.names or tuple(f"number {i}" for i in range(player.pipeline.shape[0]))
-    return world.rules(names, action_names(player), most=most)
+    return world.rules(names, action_names(player), most=most, unit=PERCENT if player.pipeline.follows else None)

@@ -76,7 +76,7 @@ def look_again(pipeline: Pipeline, observation: Observation, seen: NDArray[Any] 
 
 
 def _look_at_slots(pipeline: Pipeline, seen: NDArray[Any]) -> Sight:
-    """Show the tracks that are told of, each with its slot and its identity."""
+    """Show the tracks that are told of, each with the name of its role and its identity."""
     tracks, slots = pipeline.tracks, pipeline.roles.slots_.tolist()
     told = np.flatnonzero(tracks.visible & np.isin(tracks.roles, slots))
     labels = np.zeros((IMAGE_SIZE_PX, IMAGE_SIZE_PX), np.int64)
@@ -88,5 +88,5 @@ def _look_at_slots(pipeline: Pipeline, seen: NDArray[Any]) -> Sight:
         edges=np.empty((0, 2), np.int64),
         labels=labels,
         seen=seen[pipeline.facts][: len(pipeline.names)] if pipeline.names else seen,
-        names=tuple(f"slot {slots.index(tracks.roles[i])}: {tracks.ids[i]}" for i in told),
+        names=tuple(f"{pipeline.roles.names_[slots.index(tracks.roles[i])]}: {tracks.ids[i]}" for i in told),
     )

@@ -114,6 +114,14 @@ class Roles:
         """Whether the actions move each role, ``(r,)``."""
         return self.influence_ >= LEAST_INFLUENCE
 
+    @property
+    def names_(self) -> tuple[str, ...]:
+        """What the roles in the slots are called: ``own`` is what the actions move, each other one an ``object``."""
+        own = self.controlled_[self.slots_]
+        return tuple(
+            ("own" if own.sum() == 1 else f"own {i}") if mine else f"object {i}" for i, mine in enumerate(own.tolist())
+        )
+
     def partial_fit(self, tracks: Tracks, action: int | None = None) -> Self:
         """Learn from one decision; they are expected in their order.
 
