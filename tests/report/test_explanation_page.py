@@ -123,6 +123,9 @@ def test_rewards_in_words(values, said):
 
 def test_actions_in_short():
     assert telling.compact(["UP", "UP", "UP", "DOWN", "UP"]) == "UP ×3, DOWN, UP"
+    assert telling.compact(["UP", "DOWN"] * 2) == "(UP, DOWN) ×2" and telling.compact(["UP", "DOWN"]) == "UP, DOWN"
+    assert telling.compact(["LEFT", *["UP", "DOWN"] * 3, "UP", "UP"]) == "LEFT, (UP, DOWN) ×3, UP ×2"
+    assert telling.compact(["UP", "UP", "DOWN", "DOWN"] * 2) == "UP ×2, DOWN ×2, UP ×2, DOWN ×2"
 
 
 @pytest.mark.parametrize(

@@ -93,13 +93,14 @@ def _rows(values: dict[str, str]) -> Table:
 
 def _scenarios(e: Explanation) -> Table:
     title = f"best {len(e.scenarios)} of {e.n_scenarios:,} scenarios"
-    columns = ("", Column(title, min_width=len(title)), "return", "rewards", "ends in")
+    columns = ("", Column(title, min_width=len(title)), "return", "doubt", "rewards", "ends in")
     table = Table(*columns, box=None, padding=(0, 2, 0, 0), header_style="dim")
     for scenario in e.scenarios:
         row = (
             str(scenario.rank),
             telling.compact(scenario.actions),
             telling.signed(scenario.predicted_return),
+            telling.doubt(scenario),
             telling.rewards(scenario.rewards),
             telling.ending(e, scenario),
         )

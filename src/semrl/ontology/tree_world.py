@@ -84,6 +84,8 @@ class TreeWorld:
     ----------
     varying_ : ndarray
         ``(k,)`` int64, the numbers of a state that are looked at: those that change.
+    grown_ : ndarray
+        ``(members,)`` int64, decisions after which each forest was grown; 0 before.
 
     Raises
     ------

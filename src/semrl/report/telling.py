@@ -16,8 +16,20 @@ def runs_of(actions: Iterable[str]) -> list[tuple[str, int]]:
 
 
 def compact(actions: Iterable[str]) -> str:
-    """Write a sequence of actions in short: ``RIGHT ×3, LEFT``."""
-    return ", ".join(action if n == 1 else f"{action} ×{n}" for action, n in runs_of(actions))
+    """Write a sequence of actions in short: ``RIGHT ×3, LEFT``, and ``(RIGHT, LEFT) ×2`` where two take turns."""
+    said, runs, at = [], list(runs_of(actions)), 0
+    while at < len(runs):
+        pair, turns = runs[at : at + 2], 1
+        while runs[at + 2 * turns : at + 2 * turns + 2] == pair:
+            turns += 1
+        if turns > 1 and [n for _, n in pair] == [1, 1]:
+            said.append(f"({pair[0][0]}, {pair[1][0]}) ×{turns}")
+            at += 2 * turns
+        else:
+            action, n = runs[at]
+            said.append(action if n == 1 else f"{action} ×{n}")
+            at += 1
+    return ", ".join(said)
 
 
 def signed(value: float) -> str:
@@ -94,6 +106,11 @@ def way(e: Explanation) -> str:
 
 def _links(hops: Iterable[Hop]) -> str:
     return "".join(f"{hop.source} ─{hop.action}→ " for hop in hops)
+
+
+def doubt(scenario: Foresight) -> str:
+    """Say how far the models differ about a scenario."""
+    return "" if scenario.doubt is None else f"± {scenario.doubt:.2g}"
 
 
 def ending(e: Explanation, scenario: Foresight) -> str:

@@ -166,6 +166,7 @@ class _Thought:
             actions=self._names(plan.scenarios.actions[i]),
             rewards=tuple(plan.scenarios.rewards[i].tolist()),
             predicted_return=float(plan.returns[i]),
+            doubt=None if plan.scenarios.doubts is None else float(plan.scenarios.doubts[i]),
             end_node=int(self.graph.node_ids[plan.end_nodes[i]]),
             progress=progress if progress >= 0 else None,
         )

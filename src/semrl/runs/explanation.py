@@ -71,7 +71,9 @@ class Foresight:
     rewards
         Predicted sign of the reward of each.
     predicted_return
-        Their sum, discounted as the planner does.
+        Their sum, discounted as the planner does, with what is expected beyond, less what the doubt counts.
+    doubt
+        Standard deviation of the return among the models that were asked; None where there is only one.
     end_node
         Id of the node in which it ends.
     progress
@@ -82,6 +84,7 @@ class Foresight:
     actions: tuple[str, ...]
     rewards: tuple[float, ...]
     predicted_return: float
+    doubt: float | None
     end_node: int
     progress: int | None
 
