@@ -11,7 +11,7 @@ from semrl.experiments.base import Experiment, Lab, Scale
 from semrl.experiments.figures import Curve, Curves, Figure
 from semrl.experiments.ledger import Ledger
 from semrl.experiments.results import Number, Result
-from semrl.experiments.rivals import VIEWS, Match, compete
+from semrl.experiments.rivals import VIEWS, Match, View, compete, result_path
 from semrl.experiments.scores import LOST
 from semrl.experiments.sweep import RunSpec
 from semrl.experiments.trials import Outcome, Trial
@@ -98,19 +98,18 @@ def measure(race: Race, lab: Lab) -> Result:
             values |= {f"{id_}/at-{at}": mean for at, mean in way.items()}
             curves.append(_curve(f"{model}, {policy}", way, race.decisions, values[f"{id_}/mean"]))
     missing = [spec.id for spec in race.runs() if not lab.ledger.score(spec)]
+    ready = [view for view in VIEWS if not missing or result_path(view, lab.folder).exists()]
+    rivals, notes = _rivals(ready, race.match, lab)
     if missing:
-        notes = [f"not finished yet: {', '.join(missing)}; then Stable-Baselines3's DQN competes"]
-    else:
-        rivals, notes = _rivals(race.match, lab)
-        values |= rivals
-    return Result(values=values, figures=(_figure(curves),), notes=tuple(notes))
+        notes.append(f"not finished yet: {', '.join(missing)}; then Stable-Baselines3's DQN competes")
+    return Result(values=values | rivals, figures=(_figure(curves),), notes=tuple(notes))
 
 
-def _rivals(match: Match, lab: Lab) -> tuple[dict[str, float], list[str]]:
+def _rivals(views: Sequence[View], match: Match, lab: Lab) -> tuple[dict[str, float], list[str]]:
     """Return the numbers of Stable-Baselines3's DQN, and why there are none."""
     values: dict[str, float] = {}
     try:
-        for view in VIEWS:
+        for view in views:
             lab.say(f"Stable-Baselines3's DQN, {view}")
             values |= {f"frontier/sb3-{view}/{what}": told for what, told in compete(view, match, lab.folder).items()}
     except MissingExtraError as error:

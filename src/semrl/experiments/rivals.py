@@ -102,7 +102,7 @@ def compete(view: View, match: Match, folder: Path) -> dict[str, float]:
         from stable_baselines3.common.evaluation import evaluate_policy
     except ImportError:
         raise MissingExtraError("sb3", "the comparison with Stable-Baselines3") from None
-    path = folder / f"sb3-{view}.json"
+    path = result_path(view, folder)
     if path.exists():
         told: dict[str, float] = json.loads(path.read_text())
         return told
@@ -121,6 +121,11 @@ def compete(view: View, match: Match, folder: Path) -> dict[str, float]:
     told = {"mean": float(plain.mean()), "std": deviation(plain), "sticky": float(sticky.mean()), "minutes": minutes}
     write_text(path, json.dumps(told, indent=2) + "\n")
     return told
+
+
+def result_path(view: View, folder: Path) -> Path:
+    """Return the file in which `compete` keeps its numbers."""
+    return folder / f"sb3-{view}.json"
 
 
 def see(view: View, match: Match, config: EnvironmentConfig | None = None) -> Env:
