@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -202,17 +203,22 @@ def evaluate(
     games: list[tuple[float, int]] = []
     with limited_threads(player.config.threads):
         for episode in range(player.config.evaluation.episodes):
-            decisions = -1  # the first step is the beginning
-            for step in player.episode(episode, seed, policy):
-                decisions += 1
-                on_step(episode, step)
-            games.append((step.total, decisions))
-            on_episode(step.total)
+            games.append(_game(player.episode(episode, seed, policy), partial(on_step, episode)))
+            on_episode(games[-1][0])
     result = _summed_up(run, policy, games)
     provenance = {"decisions": player.decisions, "seed": seed, **asdict(player.config.evaluation)}
     path = result_path(run, policy=policy, exploration=exploration, sticky_actions=sticky_actions, at=at)
     write_text(path, json.dumps(asdict(result) | {"with": provenance}, indent=2) + "\n")
     return result
+
+
+def _game(steps: Iterator[Step], on_step: Callable[[Step], None]) -> tuple[float, int]:
+    """Play an episode to its end; return its return and its decisions."""
+    decisions = -1  # the first step is the beginning
+    for step in steps:
+        decisions += 1
+        on_step(step)
+    return step.total, decisions
 
 
 def result_path(
