@@ -64,6 +64,8 @@ class Score:
     mean: float
     min: float
     max: float
+    decisions: float
+    """Mean length of a game: against an enemy that misses nothing every point is lost, and length is what is left."""
 
 
 class AlteredEnemy(gym.Wrapper[Any, Any, Any, Any]):
@@ -92,9 +94,10 @@ def main(arguments: Arguments) -> None:
     if arguments.json:
         print(json.dumps({"machine": machine.describe(), "scores": [asdict(score) for score in scores]}))
         return
-    table = Table("run", "world", "policy", "mean", "min … max", box=None, padding=(0, 2, 0, 0))
+    table = Table("run", "world", "policy", "mean", "min … max", "decisions a game", box=None, padding=(0, 2, 0, 0))
     for score in scores:
-        table.add_row(score.run, score.world, score.policy, f"{score.mean:.2f}", f"{score.min:.0f} … {score.max:.0f}")
+        extremes = f"{score.min:.0f} … {score.max:.0f}"
+        table.add_row(score.run, score.world, score.policy, f"{score.mean:.2f}", extremes, f"{score.decisions:,.0f}")
     Console().print(table)
 
 
@@ -105,11 +108,11 @@ def play(run: Path, arguments: Arguments) -> Iterator[Score]:
         with limited_threads(player.config.threads):
             policies: tuple[Policy, ...] = ("agent", "planner") if player.reasoner else ("agent",)
             for policy in policies:
-                yield _score(run, world, policy, _returns(player, pace, policy, arguments.episodes))
+                yield _score(run, world, policy, _games(player, pace, policy, arguments.episodes))
             if player.reasoner and pace != 1:
                 adapt(player, run, pace, arguments.adapting)
                 told = f"planner, after {arguments.adapting:,} decisions"
-                yield _score(run, world, told, _returns(player, pace, "planner", arguments.episodes))
+                yield _score(run, world, told, _games(player, pace, "planner", arguments.episodes))
 
 
 def altered_game(player: Player, pace: float, seed: int) -> Game:
@@ -142,19 +145,29 @@ def adapt(player: Player, run: Path, pace: float, decisions: int) -> None:
         episode += 1
 
 
-def _returns(player: Player, pace: float, policy: Policy, episodes: int) -> list[float]:
-    returns = []
+def _games(player: Player, pace: float, policy: Policy, episodes: int) -> list[tuple[float, int]]:
+    """Play, and return of each game the return and how many decisions it took."""
+    games = []
     for episode in range(episodes):
         rng = np.random.default_rng([EVALUATION_SEED, 0, episode])
+        decisions = 0
         for step in player.play(altered_game(player, pace, int(rng.integers(2**31))), rng, policy):
             total = step.total
-        returns.append(total)
-    return returns
+            decisions += step.action is not None
+        games.append((total, decisions))
+    return games
 
 
-def _score(run: Path, world: str, policy: str, returns: list[float]) -> Score:
+def _score(run: Path, world: str, policy: str, games: list[tuple[float, int]]) -> Score:
+    returns, decisions = zip(*games, strict=True)
     return Score(
-        run=str(run), world=world, policy=policy, mean=float(np.mean(returns)), min=min(returns), max=max(returns)
+        run=str(run),
+        world=world,
+        policy=policy,
+        mean=float(np.mean(returns)),
+        min=min(returns),
+        max=max(returns),
+        decisions=float(np.mean(decisions)),
     )
 
 
