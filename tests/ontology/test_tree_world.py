@@ -130,6 +130,26 @@ def test_numbers_that_are_always_the_same_are_left_out_and_stay():
     np.testing.assert_array_equal(told.rewards, expected.rewards)
 
 
+def test_what_goes_on_by_itself_does_so_at_a_speed_never_seen():
+    """One thing glides between walls at speeds 1 to 3; another jumps when an action says so, and stays where it is."""
+    rng, state, speed, states = np.random.default_rng(0), [50, 0], 2, []
+    actions = rng.integers(2, size=1500)
+    for action in [*actions, 0]:
+        states.append(tuple(state))
+        if not 0 < state[0] + speed < 100:
+            speed = -int(np.sign(speed)) * int(rng.integers(1, 4))
+        state = [state[0] + speed, 5 - state[1] if action else state[1]]
+    made = TreeWorld(CONFIG, 2)
+    made.partial_fit(
+        Trajectory(states=np.array(states, np.float32), actions=actions, rewards=np.zeros(1500, np.float32))
+    )
+    assert made.inertia_.tolist() == [1, 0]
+    swift = np.array([[50, 0], [43, 0], [36, 0], [29, 0]], np.float32)
+    told = made.imagine(Moment(states=swift, actions=np.zeros(3, np.int64), number=4), np.array([[0, 1, 0]]))
+    assert told.states[0].tolist() == [[57, 0], [64, 5], [71, 5]]
+    assert made.rules(["glider", "jumper"], ["stay", "jump"])[0].about == "the change of glider"
+
+
 def test_it_learns_while_the_episode_goes_on():
     made, episode = TreeWorld(CONFIG, 3), rally(200)
     for t in (30, 60, 70):
@@ -151,7 +171,9 @@ def test_forests_doubt_what_they_disagree_about(world):
     t = int(np.flatnonzero(test.rewards)[5]) - 12
     sequences = np.random.default_rng(0).integers(2, size=(40, 12))
     told = world.imagine(moment_of(test, t), sequences)
-    _, rewards, values = world.forests.roll(moment_of(test, t).window(4), moment_of(test, t).recent(3), sequences)
+    _, rewards, values = world.forests.roll(
+        world.inertia_, moment_of(test, t).window(4), moment_of(test, t).recent(3), sequences
+    )
     np.testing.assert_allclose(told.doubts, (rewards.sum(axis=2) + values).std(axis=0), atol=1e-6)
     assert told.doubts.shape == (40,) and told.doubts.max() > 0
 
@@ -185,6 +207,7 @@ def test_before_and_after_an_end_are_not_mixed_up():
     assert len(rows) == 120
     for i, episode in enumerate(lived):
         changes = np.diff(episode.states, axis=0)
+        changes[1:] -= made.inertia_ * changes[:-1].copy()
         np.testing.assert_array_equal(wanted[40 * i : 40 * (i + 1), :3], changes)
         assert not rows[40 * i, 6:15].any()  # nothing moved before
     returns = np.concatenate([np.cumsum(episode.rewards[::-1])[::-1] for episode in lived])

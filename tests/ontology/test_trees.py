@@ -109,20 +109,22 @@ def test_rolled_forward_each_forest_goes_its_own_way_until_a_reward():
     wanted = np.column_stack([moved, now + moved >= 6, now / 10])
     forests = fitted(rows, wanted, members=2, leaf_rows=1, unseen=action_column(1, 2))
     sequences = np.array([[1, 1, 1, 1], [0, 0, 0, 0], [1, 0, 1, 0]])
-    states, rewards, values = forests.roll(np.zeros((2, 1), np.float32), np.zeros(0, np.float32), sequences)
+    none = np.zeros(0, np.float32)
+    states, rewards, values = forests.roll(np.zeros(1, np.float32), np.zeros((2, 1), np.float32), none, sequences)
     assert states[:, :, 0].round(3).tolist() == [[1, 3, 6, 6], [-1, -3, -6, -10], [1, 1, 2, 2]]
     assert rewards.tolist() == [[[0, 0, 1, 0], [0, 0, 0, 0], [0, 0, 0, 0]]] * 2
     np.testing.assert_allclose(values, [[0, -0.9, 0.2]] * 2, atol=1e-3)  # −9 is the least that was seen
     assert rows[:, action_column(1, 2)].tolist() == actions.tolist()
 
 
-def rolled_alone(forests, member, states, actions, sequence):
+def rolled_alone(forests, member, known, sequence):
     """Roll one sequence in one forest, a decision at a time."""
-    window, past, foreseen, rewards = states, actions, [], np.zeros(len(sequence), np.float32)
+    (inertia, window, past), foreseen, rewards = known, [], np.zeros(len(sequence), np.float32)
     for t, action in enumerate(sequence):
         if not rewards.any():
             told = forests(lay_out(window[None], past[None], np.array([action])))[member, 0]
-            window = np.concatenate([window[:1] + told[:-2], window[:-1]])
+            moved = told[:-2] + inertia * (window[0] - window[1])
+            window = np.concatenate([window[:1] + moved, window[:-1]])
             past = np.append(np.float32(action), past)[: len(past)]
             rewards[t] = np.rint(told[-2])
         foreseen.append(window[0])
@@ -142,10 +144,11 @@ def test_together_sequences_come_to_what_each_comes_to_alone(dimension, past_sta
     beginning = rng.integers(3, size=(5, 4))[rng.integers(5, size=40)]  # many begin alike, and some are alike
     sequences = np.concatenate([beginning, rng.integers(3, size=(40, 3))], axis=1)
     sequences[rng.integers(40, size=8)] = sequences[7]
-    known = 0.1 * windows[0], actions[0, 1:].astype(np.float32)
+    inertia = np.arange(dimension, dtype=np.float32) % 2  # the second of three numbers goes on by itself
+    known = inertia, 0.1 * windows[0], actions[0, 1:].astype(np.float32)
     states, rewards, values = forests.roll(*known, sequences)
     for member, s in np.ndindex(2, 40):
-        alone, paid_alone, beyond = rolled_alone(forests, member, *known, sequences[s])
+        alone, paid_alone, beyond = rolled_alone(forests, member, known, sequences[s])
         assert member or states[s].tobytes() == alone.tobytes()
         assert rewards[member, s].tobytes() == paid_alone.tobytes() and values[member, s] == beyond
     ended = rewards.any(axis=2)

@@ -48,7 +48,9 @@ def ask(trees: Trees, rows: Floats) -> Floats:
 
 
 @compiled
-def roll(trees: Trees, states: Floats, actions: Floats, sequences: Ints) -> tuple[Floats, Floats, Floats]:
+def roll(
+    trees: Trees, inertia: Floats, states: Floats, actions: Floats, sequences: Ints
+) -> tuple[Floats, Floats, Floats]:
     """Roll sequences of actions forward in every forest; see `semrl.ontology.trees.Forests.roll`."""
     nodes, roots = trees
     members, dimension = roots.shape[0], roots.shape[1] - 2
@@ -63,7 +65,7 @@ def roll(trees: Trees, states: Floats, actions: Floats, sequences: Ints) -> tupl
     rewards, values = np.zeros((members, n, length), np.float32), np.zeros((members, n), np.float32)
     for member in range(members - 1, -1, -1):  # the first one last: what it foresees stays
         told = foreseen, rewards[member], values[member]
-        _roll_lanes((nodes, roots[member]), (states, actions), (chosen, begins, origins), told)
+        _roll_lanes((nodes, roots[member]), inertia, (states, actions), (chosen, begins, origins), told)
     for lane in range(1, n):
         begin, origin = begins[lane], origins[lane]
         foreseen[lane, :begin], rewards[:, lane, :begin] = foreseen[origin, :begin], rewards[:, origin, :begin]
@@ -96,6 +98,7 @@ def _branches(sequences: Ints) -> tuple[Ints, Ints]:
 @compiled
 def _roll_lanes(
     trees: tuple[NDArray[Any], Ints],
+    inertia: Floats,
     past: tuple[Floats, Floats],
     lanes: tuple[Floats, Ints, Ints],
     told: tuple[Floats, Floats, Floats],
@@ -119,6 +122,7 @@ def _roll_lanes(
         rows, active = np.empty((width, begun), np.float32), np.flatnonzero(going[:begun])
         _lay_out(window, before, chosen[t], rows)
         _descend(nodes, roots[: dimension + 1], rows, active, changes)
+        _go_on(window, inertia, changes, active)
         _advance(window, before, chosen[t], changes, active)
         for lane in active:
             rewards[lane, t] = np.rint(changes[dimension, lane])
@@ -138,6 +142,14 @@ def _repeated(known: Floats, n: int) -> Floats:
     for s in range(n):
         lanes[..., s] = known
     return lanes
+
+
+@compiled
+def _go_on(window: Floats, inertia: Floats, changes: Floats, active: Ints) -> None:
+    """Add to what the trees predict the last change of what goes on by itself."""
+    for i in np.flatnonzero(inertia):
+        for s in active:
+            changes[i, s] += inertia[i] * (window[0, i, s] - window[1, i, s])
 
 
 @compiled

@@ -84,6 +84,9 @@ class TreeWorld:
     ----------
     varying_ : ndarray
         ``(k,)`` int64, the numbers of a state that are looked at: those that change.
+    inertia_ : ndarray
+        ``(k,)`` float32, 1 for those of them that mostly change as they just did, like a ball in flight: of these the
+        trees predict how the change changes. 0 for the others.
     grown_ : ndarray
         ``(members,)`` int64, decisions after which each forest was grown; 0 before.
 
@@ -105,6 +108,7 @@ class TreeWorld:
         self.experience = Experience(config.capacity, dimension)
         self.forests = Forests(config.members)
         self.varying_ = np.arange(dimension)
+        self.inertia_ = np.zeros(dimension, np.float32)
         self.seen_ = 0
         self.grown_ = np.zeros(config.members, np.int64)
 
@@ -133,7 +137,7 @@ class TreeWorld:
         """
         unit, c = np.float32(self.config.resolution), self.config
         window = np.rint(moment.window(c.past_states)[:, self.varying_] / unit)
-        past = window, moment.recent(c.past_actions)
+        past = self.inertia_, window, moment.recent(c.past_actions)
         foreseen, rewards, values = self.forests.roll(*past, sequences, slice(c.screening or None))
         if 0 < c.screening < c.members and len(sequences) >= _FEWEST_SCREENED:
             means = self._returns(rewards, values).mean(axis=0)
@@ -179,7 +183,10 @@ class TreeWorld:
         varying = [names[i] for i in self.varying_.tolist()]
         columns = feature_names(varying, self.config.past_states, self.config.past_actions)
         scale = self.config.resolution / unit if unit else 1.0
-        told = [*((name, scale) for name in varying), (REWARD, 1.0), (RETURN, 1.0)]
+        changing = [
+            f"the change of {name}" if inert else name for name, inert in zip(varying, self.inertia_, strict=True)
+        ]
+        told = [*((name, scale) for name in changing), (REWARD, 1.0), (RETURN, 1.0)]
         return [
             rule
             for target, (about, value_scale) in enumerate(told)
@@ -190,7 +197,11 @@ class TreeWorld:
 
     def to_arrays(self) -> Arrays:
         """Return trees and memory."""
-        own = {"counts": np.array([self.seen_, *self.grown_]), "varying": self.varying_}
+        own = {
+            "counts": np.array([self.seen_, *self.grown_]),
+            "varying": self.varying_,
+            "inertia": self.inertia_,
+        }
         return nest(forests=self.forests.to_arrays(), experience=self.experience.to_arrays()) | own
 
     def from_arrays(self, arrays: Arrays) -> None:
@@ -201,7 +212,7 @@ class TreeWorld:
     def load(self, arrays: Arrays) -> None:
         """Take over the trees; enough to foresee."""
         self.forests.from_arrays(unnest(arrays, "forests"))
-        self.varying_ = arrays["varying"]
+        self.varying_, self.inertia_ = arrays["varying"], arrays["inertia"]
         self.seen_, self.grown_ = int(arrays["counts"][0]), arrays["counts"][1:].copy()
 
     def _is_due(self, seen: int) -> bool:
@@ -213,11 +224,12 @@ class TreeWorld:
         if not self._is_due(seen):
             return
         c = self.config
-        looked_at = self.varying_
+        known = self.varying_, self.inertia_
         rows, wanted = self._lessons(lived)
         leaves = [c.leaf_decisions] * (wanted.shape[1] - 1) + [max(c.value_leaf_decisions, 1)]
         unseen = action_column(wanted.shape[1] - 2, c.past_states)
-        oldest = int(self.grown_.argmin()) if self.is_fitted and np.array_equal(looked_at, self.varying_) else None
+        same = np.array_equal(known[0], self.varying_) and np.array_equal(known[1], self.inertia_)
+        oldest = int(self.grown_.argmin()) if self.is_fitted and same else None
         self.forests.fit(
             rows, wanted, np.random.default_rng([self.seed, seen]), leaf_rows=leaves, unseen=unseen, member=oldest
         )
@@ -234,6 +246,9 @@ class TreeWorld:
         self.varying_ = np.flatnonzero((changed > 0) & (changed >= c.least_changes))
         windows, following = np.rint(windows[:, :, self.varying_] / unit), following[:, self.varying_]
         changes = np.rint(following / unit) - windows[:, 0]
+        before = windows[:, 0] - windows[:, 1]
+        self.inertia_ = ((changes == before).mean(axis=0) > (changes == 0).mean(axis=0)).astype(np.float32)
         signs = np.sign(rewards)
         returns = lived.returns(self.discount) if c.value_leaf_decisions else np.zeros_like(signs)
-        return lay_out(windows, pasts, actions), np.column_stack([changes, signs, returns]).astype(np.float64)
+        wanted = np.column_stack([changes - self.inertia_ * before, signs, returns])
+        return lay_out(windows, pasts, actions), wanted.astype(np.float64)

@@ -98,7 +98,7 @@ class Forests:
         return np.asarray(ask((self._packed, self._roots), np.ascontiguousarray(rows.T, np.float32)))
 
     def roll(
-        self, states: Floats, actions: Floats, sequences: Ints, members: slice = slice(None)
+        self, inertia: Floats, states: Floats, actions: Floats, sequences: Ints, members: slice = slice(None)
     ) -> tuple[Floats, Floats, Floats]:
         """Roll sequences of actions forward in every forest, or some.
 
@@ -106,6 +106,8 @@ class Forests:
 
         Parameters
         ----------
+        inertia
+            ``(d,)`` share of its last change by which each number goes on by itself; trees predict the rest.
         states, actions
             ``(h, d)`` and ``(p,)`` of the past, the newest first.
         sequences
@@ -120,7 +122,7 @@ class Forests:
             expected beyond. After its first reward a scenario stands still and is worth no more: what follows is
             another rally, of which little is known.
         """
-        return roll((self._packed, self._roots[members]), states, actions, sequences)
+        return roll((self._packed, self._roots[members]), inertia, states, actions, sequences)
 
     def to_arrays(self) -> Arrays:
         """Return the trees."""

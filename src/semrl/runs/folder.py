@@ -21,7 +21,8 @@ FORMAT = 1
 KEPT_CHECKPOINTS = 2
 PLAYABLE = (
     "pipeline/", "agent/network/", "reasoner/state_map/", "reasoner/world/next_state/", "reasoner/world/reward/",
-    "reasoner/world/forests/", "reasoner/world/counts", "reasoner/world/varying", "schooling/position", "decisions",
+    "reasoner/world/forests/", "reasoner/world/counts", "reasoner/world/varying", "reasoner/world/inertia",
+    "schooling/position", "decisions",
 )  # fmt: skip
 """What the arrays begin with that are needed to play."""
 _PROVENANCE = ("semrl", "ale-py", "gymnasium", "numpy", "opencv-python-headless", "scikit-learn", "torch")
