@@ -23,7 +23,8 @@ from semrl.arrays import unnest
 from semrl.errors import UsageError
 from semrl.ontology import TreeWorld
 from semrl.runs import RunFolder, load_player
-from semrl.runs.evaluation import EVALUATION_SEED, Player, Policy
+from semrl.runs.evaluation import EVALUATION_SEED
+from semrl.runs.player import Player, Policy
 from semrl.runs.session import limited_threads
 from semrl.state import EnvironmentConfig, Game, make_env
 from semrl.state.environment import Env, FrameSkip, NoopStart

@@ -24,7 +24,7 @@ from rich.table import Table
 from semrl.pipeline import Pipeline
 from semrl.runs import preset
 from semrl.runs.session import limited_threads
-from semrl.stages import Schooling
+from semrl.schooling import Schooling
 from semrl.state import Game, make_env
 from semrl.types import IMAGE_SIZE_PX, Outcome
 

@@ -5,8 +5,8 @@ import tyro
 
 from semrl import Pipeline, make_env
 from semrl.pipeline import PipelineConfig
+from semrl.schooling import Schooling
 from semrl.stability import StabilityConfig
-from semrl.stages import Schooling
 from semrl.state import Game, to_grey
 
 

@@ -3,8 +3,9 @@
 import numpy as np
 import tyro
 
-from semrl.agent.tabular import MazeHierarchy, MazeHierarchyConfig, QLearning, QLearningConfig, train
-from semrl.state.worlds import N_TILES, FourRooms, shortest_steps
+from semrl.agent.hierarchy import MazeHierarchy, MazeHierarchyConfig
+from semrl.agent.tabular import QLearning, QLearningConfig, train
+from semrl.state.maze import N_TILES, FourRooms, shortest_steps
 
 
 def main(steps: int = 4_000, seed: int = 0) -> None:

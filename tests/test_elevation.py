@@ -23,8 +23,8 @@ from semrl.experiments.perception import by_frame
 from semrl.pipeline import Pipeline, PipelineConfig
 from semrl.runs import preset
 from semrl.runs.files import write_arrays
+from semrl.schooling import Schooling
 from semrl.stability import StabilityConfig
-from semrl.stages import Schooling
 from semrl.state import Game, make_env, to_grey
 from semrl.types import Observation
 

@@ -10,8 +10,8 @@ from semrl.clustering import BirchConfig
 from semrl.detection import ForegroundConfig
 from semrl.embedding import HashedEmbeddingConfig, OnlineEmbeddingConfig, SceneGraphConfig
 from semrl.pipeline import Pipeline, PipelineConfig
+from semrl.schooling import Schooling
 from semrl.stability import StabilityConfig
-from semrl.stages import Schooling
 from semrl.state import Game, make_env, to_grey
 from semrl.tracking import RolesConfig
 from semrl.types import Observation

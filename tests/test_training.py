@@ -9,8 +9,8 @@ from semrl.agent import DQN, DQNConfig, NetworkConfig
 from semrl.arrays import digest
 from semrl.embedding import HashedEmbeddingConfig
 from semrl.pipeline import Pipeline, PipelineConfig
+from semrl.schooling import Schooling
 from semrl.stability import StabilityConfig
-from semrl.stages import Schooling
 from semrl.state import Game, make_env
 from semrl.training import Trainer
 

@@ -10,7 +10,7 @@ from semrl.agent import DQN
 from semrl.arrays import Arrays, array_to_rng, nest, rng_to_array, unnest
 from semrl.pipeline import Pipeline
 from semrl.reasoning import Reasoner
-from semrl.stages import Schooling
+from semrl.schooling import Schooling
 from semrl.state import Game
 from semrl.types import Observation
 

@@ -10,11 +10,11 @@ import torch
 from semrl.agent import DQN, DQNConfig, NetworkConfig
 from semrl.embedding import HashedEmbeddingConfig
 from semrl.pipeline import Pipeline, PipelineConfig
+from semrl.schooling import Schooling
 from semrl.stability import StabilityConfig
-from semrl.stages import Schooling
 from semrl.state import Game, make_env
+from semrl.state.catch import Catch
 from semrl.state.environment import FrameSkip
-from semrl.state.worlds import Catch
 from semrl.training import Trainer
 
 QUICK = DQNConfig(

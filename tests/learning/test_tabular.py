@@ -1,19 +1,11 @@
 import numpy as np
 import pytest
 
-from semrl.agent.tabular import (
-    LOCAL_TILE,
-    ROOM_OF,
-    ROOM_TURNS,
-    MazeHierarchy,
-    MazeHierarchyConfig,
-    QLearning,
-    QLearningConfig,
-    train,
-)
+from semrl.agent.hierarchy import LOCAL_TILE, ROOM_OF, ROOM_TURNS, MazeHierarchy, MazeHierarchyConfig
+from semrl.agent.tabular import QLearning, QLearningConfig, train
 from semrl.arrays import digest
 from semrl.errors import DataError, UsageError
-from semrl.state.worlds import N_TILES, OUTSIDE, TRANSITIONS, FourRooms, shortest_steps
+from semrl.state.maze import N_TILES, OUTSIDE, TRANSITIONS, FourRooms, shortest_steps
 
 SEEDS = [0, 1, 2]
 

@@ -11,8 +11,8 @@ from semrl.errors import UsageError
 from semrl.pipeline import Pipeline, PipelineConfig
 from semrl.runs import gallery, recording, sight, train
 from semrl.runs.config import from_dict
-from semrl.runs.evaluation import Step, load_player
 from semrl.runs.files import read_arrays
+from semrl.runs.player import Step, load_player
 from semrl.runs.sight import CLASS_COLOURS
 from semrl.state import to_grey
 from semrl.types import Observation

@@ -7,18 +7,9 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from semrl.errors import DataError, UsageError
-from semrl.state.worlds import (
-    FIRST_COLUMN_PX,
-    LAST_BALL_COLUMN_PX,
-    LAST_PADDLE_COLUMN_PX,
-    N_TILES,
-    OUTSIDE,
-    TRANSITIONS,
-    Catch,
-    FourRooms,
-    register_worlds,
-    shortest_steps,
-)
+from semrl.state.catch import FIRST_COLUMN_PX, LAST_BALL_COLUMN_PX, LAST_PADDLE_COLUMN_PX, Catch
+from semrl.state.maze import N_TILES, OUTSIDE, TRANSITIONS, FourRooms, shortest_steps
+from semrl.state.worlds import register_worlds
 
 LEFT, RIGHT = 0, 1
 

@@ -12,7 +12,7 @@ import tyro
 from semrl.cli.arguments import parse
 from semrl.cli.progress import console, progress_bars, summary
 from semrl.runs import RunFolder, evaluate
-from semrl.runs.evaluation import Policy, Step
+from semrl.runs.player import Policy, Step
 from semrl.runs.recording import recorder
 
 

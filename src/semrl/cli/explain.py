@@ -13,10 +13,10 @@ from semrl.cli.arguments import parse
 from semrl.cli.progress import console, error_console
 from semrl.report import telling
 from semrl.report.explanation import write_explanation
-from semrl.runs.evaluation import Policy
 from semrl.runs.explaining import explain
 from semrl.runs.explanation import Explanation
 from semrl.runs.files import require_writable
+from semrl.runs.player import Policy
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,7 @@ from semrl.experiments.scores import LOST
 from semrl.experiments.sweep import RunSpec
 from semrl.experiments.trials import Outcome, Trial
 from semrl.reasoning import MAP_MODELS
-from semrl.runs.evaluation import Policy
+from semrl.runs.player import Policy
 
 MODELS = ("objects", "objects-map")
 

@@ -17,7 +17,8 @@ from semrl.ontology import EpisodeRecord, StateMap
 from semrl.ontology.description import describe
 from semrl.reasoning import MAP_MODELS, Reasoner
 from semrl.runs import load_player
-from semrl.runs.evaluation import EVALUATION_SEED, PROBING, Player
+from semrl.runs.evaluation import EVALUATION_SEED, PROBING
+from semrl.runs.player import Player
 from semrl.types import Trajectory
 
 STATES = {"semantic-map": "semantic", "ram-map": "ram"}

@@ -11,7 +11,7 @@ import numpy as np
 from semrl.pipeline import Pipeline, View
 from semrl.runs import RunConfig, preset
 from semrl.runs.config import merge
-from semrl.stages import Schooling
+from semrl.schooling import Schooling
 from semrl.state import Game, make_env, rom_name, to_grey
 from semrl.types import Objects, Observation, SceneGraph
 

@@ -23,8 +23,8 @@ from semrl.experiments.timing import ELEVATION, EMBEDDING, EMULATOR, STACK, Spee
 from semrl.pipeline import Pipeline
 from semrl.runs import preset
 from semrl.runs.session import limited_threads
+from semrl.schooling import Schooling
 from semrl.stability import StabilityConfig
-from semrl.stages import Schooling
 from semrl.state import Game, make_env, to_grey
 from semrl.types import IMAGE_SIZE_PX, Frame, Observation, SceneGraph
 

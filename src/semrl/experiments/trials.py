@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from semrl.errors import SemrlError
-from semrl.runs.evaluation import Policy, evaluate, result_path
+from semrl.runs.evaluation import evaluate, result_path
+from semrl.runs.player import Policy
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,9 +14,10 @@ from semrl.errors import UsageError
 from semrl.grounding import GoalPart, goal_size
 from semrl.planner import edge_costs, edges_along, reason
 from semrl.reasoning import Reasoner
-from semrl.runs.evaluation import EVALUATION_SEED, Player, Policy, Step, load_player
+from semrl.runs.evaluation import EVALUATION_SEED
 from semrl.runs.explanation import Aftermath, Deed, Explanation, Foresight, Hop, Place, Told
 from semrl.runs.maps import action_names
+from semrl.runs.player import Player, Policy, Step, load_player
 from semrl.runs.session import limited_threads
 from semrl.runs.sight import Sight, look_again
 

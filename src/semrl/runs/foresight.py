@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from semrl.errors import UsageError
 from semrl.pipeline import Pipeline
 from semrl.protocols import WorldModel
-from semrl.runs.evaluation import EVALUATION_SEED, PROBING, Player, Policy, Step, load_player
+from semrl.runs.evaluation import EVALUATION_SEED, PROBING
+from semrl.runs.player import Player, Policy, Step, load_player
 from semrl.runs.session import limited_threads
 from semrl.types import Floats
 

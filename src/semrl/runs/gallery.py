@@ -7,8 +7,8 @@ import numpy as np
 
 from semrl.arrays import Arrays, json_to_array, nest, ragged_to_arrays
 from semrl.pipeline import Pipeline
-from semrl.runs.evaluation import load_player
 from semrl.runs.files import write_arrays
+from semrl.runs.player import load_player
 from semrl.runs.session import limited_threads
 from semrl.runs.sight import CLASS_COLOURS, Sight, look
 from semrl.state import Game, to_grey

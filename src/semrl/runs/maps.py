@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from semrl.runs.evaluation import Player, load_player
+from semrl.runs.player import Player, load_player
 from semrl.state import played_actions
 from semrl.types import MapGraph
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from semrl.errors import SemrlError, UsageError
 from semrl.pipeline import Pipeline
-from semrl.runs.evaluation import Step, load_player
+from semrl.runs.player import Step, load_player
 from semrl.runs.sight import CLASS_COLOURS, Sight, look
 from semrl.state import ram_feature_names
 from semrl.types import IMAGE_SIZE_PX, Frame, Ints

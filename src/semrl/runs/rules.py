@@ -5,8 +5,8 @@ from pathlib import Path
 from semrl.errors import UsageError
 from semrl.ontology import TreeWorld
 from semrl.ontology.rules import Rule
-from semrl.runs.evaluation import load_player
 from semrl.runs.maps import action_names
+from semrl.runs.player import load_player
 
 PERCENT = 0.01
 """Of the image, in which places of what is tracked are told."""

@@ -22,8 +22,8 @@ from semrl.reasoning import MAP_MODELS, Reasoner
 from semrl.runs.config import RunConfig
 from semrl.runs.folder import Checkpoint, RunFolder, lasting, weights
 from semrl.runs.metrics import MetricsFile
+from semrl.schooling import Schooling
 from semrl.signals import handling
-from semrl.stages import Schooling
 from semrl.state import Game, make_env, rom_name
 from semrl.training import Observer, Row, Trainer
 

@@ -1,0 +1,86 @@
+"""What perception learns before the agent, one stage after the other (§3.2.3).
+
+    threshold → PCA until stable → Birch until stable → scenery → documents of the embedding
+    background → PCA until stable → Birch until stable → roles → documents, where objects are tracked
+
+Actions are random meanwhile: the agent cannot see yet, and chance explores.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from semrl.arrays import Arrays, nest, unnest
+from semrl.embedding import OnlineEmbedding
+from semrl.pipeline import Pipeline, View
+from semrl.stability import StabilityConfig
+from semrl.stages import (
+    BackgroundStage,
+    BirchStage,
+    DocumentsStage,
+    OnlineStage,
+    PCAStage,
+    RolesStage,
+    SceneryStage,
+    Stage,
+    ThresholdStage,
+)
+from semrl.types import Observation
+
+
+class Schooling:
+    """All stages that a pipeline's view needs, in order.
+
+    Parameters
+    ----------
+    pipeline
+        Learns in place.
+    config
+        When PCA and Birch are stable.
+    """
+
+    def __init__(self, pipeline: Pipeline, config: StabilityConfig) -> None:
+        self.stages: Sequence[Stage] = _stages(pipeline, pipeline.view, config)
+        self._position = 0
+
+    @property
+    def current(self) -> Stage | None:
+        """The stage that is being learned; None when perception is ready."""
+        return self.stages[self._position] if self._position < len(self.stages) else None
+
+    def learn(self, observation: Observation, action: int | None = None) -> Stage:
+        """Learn from one observation and the action that led there, if any; return the stage that did."""
+        stage = self.stages[self._position]
+        if stage.learn(observation, action):
+            self._position += 1
+        return stage
+
+    def to_arrays(self) -> Arrays:
+        """Return which stage it is, and its state."""
+        state = nest(stage=self.current.to_arrays()) if self.current else {}
+        return {"position": np.array(self._position), **state}
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on where the schooling was."""
+        self._position = int(arrays["position"])
+        if self.current:
+            self.current.from_arrays(unnest(arrays, "stage"))
+
+
+def _stages(pipeline: Pipeline, view: View, config: StabilityConfig) -> list[Stage]:
+    if view in ("grey", "ram"):
+        return []
+    stages: list[Stage] = [BackgroundStage(pipeline) if pipeline.follows else ThresholdStage(pipeline)]
+    if view in ("classes", "embedding", "objects"):
+        stages += [PCAStage(pipeline, config), BirchStage(pipeline, config)]
+    if pipeline.follows:
+        stages.append(RolesStage(pipeline))
+    elif view == "embedding" and pipeline.config.scene.omit_scenery:
+        stages.append(SceneryStage(pipeline))
+    if view == "embedding" and pipeline.embedder.documents_needed:
+        embedder = pipeline.embedder
+        if isinstance(embedder, OnlineEmbedding):
+            stages.append(OnlineStage(pipeline, embedder))
+        else:
+            stages.append(DocumentsStage(pipeline))
+    return stages
