@@ -8,7 +8,7 @@ models side by side if there are processors.
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +20,7 @@ from rich.table import Table
 from semrl import evaluate, preset, train
 from semrl.reasoning import MAP_MODELS
 from semrl.runs import RunFolder
-from semrl.runs.files import write_text
-from semrl.runs.foresight import foresight
+from semrl.runs.foresight import FILE, foresight
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +73,7 @@ def score(arguments: Arguments, model: str, seed: int) -> dict[str, Any]:
 
 def reasoning(arguments: Arguments, run: Path) -> dict[str, Any]:
     """Test what a run foresees, and its planner alone."""
-    seen = kept(run / "foresight.json", lambda: write_text(run / "foresight.json", json.dumps(asdict(foresight(run)))))
+    seen = kept(run / FILE, lambda: foresight(run))
     planned = kept(
         run / "evaluation-planner.json",
         lambda: evaluate(run, episodes=arguments.planner_episodes, policy="planner"),

@@ -58,6 +58,18 @@ def test_the_planner_plays_alone(call, tmp_path, map_run):
     assert told.status == 0 and "over 1 episodes" in told.out
 
 
+def test_how_far_it_sees_ahead_is_told_and_written(call, tmp_path, map_run):
+    run = shutil.copytree(map_run, tmp_path / "run")
+    told = only_json(call("foresee", run, "--decisions", 50, "--seed", 3, "--json"))
+    written = json.loads((run / "foresight.json").read_text())
+    assert told.pop("run") == str(run)
+    assert written.pop("with") == {"learned_from": 150, "seed": 3, "policy": "agent", "exploration": 0.01}
+    assert written == told and told["decisions"] >= 50 and np.sum(told["confusion"]) == told["decisions"]
+    result = call("foresee", run, "--decisions", 50, "--seed", 3)
+    assert result.status == 0 and f"{told['explained']['1']:.1%} of the variance" in result.out
+    assert f"{told['confusion'][2][2]} of {sum(told['confusion'][2])}" in result.out
+
+
 def test_people_are_told_as_well(call, tmp_path, tiny_toml):
     run = tmp_path / "run"
     trained = call("train", "--config", tiny_toml("otsu", frames=400), "--run", run)

@@ -33,7 +33,7 @@ def loads(monkeypatch, load):
 
 @pytest.fixture(autouse=True)
 def with_map(monkeypatch):
-    loads(monkeypatch, lambda _run: SimpleNamespace(graph=GRAPH, action_names=("NOOP", "FIRE")))
+    loads(monkeypatch, lambda _run: SimpleNamespace(graph=GRAPH, action_names=("NOOP", "FIRE"), rules=()))
 
 
 def only_json(result):

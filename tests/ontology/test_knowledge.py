@@ -9,7 +9,13 @@ from graphs import ACTIONS, empty_map, random_map
 
 from semrl.errors import DataError
 from semrl.ontology.knowledge import most_frequent_actions, to_store, to_turtle
+from semrl.ontology.rules import Rule, sentence
 from semrl.ontology.vocabulary import CLASSES, PREFIXES, PROPERTIES
+
+RULES = (
+    Rule(about="ball vx", conditions=("x > 90", "vx > 0"), value=-4.0, decisions=212, error=0.5),
+    Rule(about="the reward", conditions=(), value=0.0, decisions=215, error=0.0),
+)
 
 
 def select(store, query):
@@ -49,6 +55,19 @@ def test_every_transition_is_told_whole():
         assert float(reward) == graph.rewards[i]
 
 
+def test_rules_are_told_with_their_conditions_support_and_error():
+    store = to_store(random_map(1), ACTIONS, RULES)
+    rows = select(
+        store,
+        "SELECT ?label ?about ?change ?support ?error { ?r a semrl:Rule; rdfs:label ?label; semrl:about ?about; "
+        "semrl:change ?change; semrl:support ?support; semrl:error ?error } ORDER BY ?support",
+    )
+    for rule, (label, about, change, support, error) in zip(RULES, rows, strict=True):
+        assert about == rule.about and label == f"{rule.about}: {sentence(rule)}"
+        assert (float(change), int(support), float(error)) == (rule.value, rule.decisions, rule.error)
+    assert {row[0] for row in select(store, "SELECT ?c { ?r semrl:condition ?c }")} == set(RULES[0].conditions)
+
+
 def test_inverses_are_written_out():
     store = to_store(random_map(3), ACTIONS)
     for prop in PROPERTIES:
@@ -58,7 +77,7 @@ def test_inverses_are_written_out():
 
 
 def test_all_terms_have_labels_comments_domains_and_ranges():
-    store = to_store(random_map(1), ACTIONS)
+    store = to_store(random_map(1), ACTIONS, RULES)
     terms = "?p rdfs:label ?l; rdfs:comment ?c"
     assert count(store, f"?p a owl:Class . {terms}") == len(CLASSES)
     properties = f"?p a ?kind; rdfs:domain ?d; rdfs:range ?r . {terms}"
@@ -68,7 +87,7 @@ def test_all_terms_have_labels_comments_domains_and_ranges():
 
 
 def test_instances_keep_to_domains_and_ranges():
-    store = to_store(random_map(1), ACTIONS)
+    store = to_store(random_map(1), ACTIONS, RULES)
     assert count(store, "?p rdfs:domain ?class . ?x ?p ?y FILTER NOT EXISTS { ?x a ?class }") == 0
     assert count(store, "?p a owl:ObjectProperty; rdfs:range ?c . ?x ?p ?y FILTER NOT EXISTS { ?y a ?c }") == 0
     assert count(store, "?p a owl:DatatypeProperty; rdfs:range ?c . ?x ?p ?y FILTER(DATATYPE(?y) != ?c)") == 0
@@ -77,9 +96,9 @@ def test_instances_keep_to_domains_and_ranges():
 
 def test_turtle_comes_back_and_is_the_same_bytes():
     graph = random_map(1)
-    store = to_store(graph, ACTIONS)
+    store = to_store(graph, ACTIONS, RULES)
     written = to_turtle(store)
-    assert written == to_turtle(to_store(graph, ACTIONS))
+    assert written == to_turtle(to_store(graph, ACTIONS, RULES))
     back = ox.Store()
     back.load(written, format=ox.RdfFormat.TURTLE)
     assert set(back) == set(store)

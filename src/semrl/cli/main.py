@@ -20,6 +20,7 @@ COMMANDS = {
     "map": ("map", "what the map of a run looks like, and the map as a file"),
     "query": ("query", "ask the map of a run in SPARQL"),
     "rules": ("rules", "what a run has learned of its world, as rules to be checked"),
+    "foresee": ("foresee", "how far a run's model of the world sees ahead, on new episodes"),
     "explain": ("explain", "why a run took one decision, as text or as a page"),
     "bench": ("bench", "frames a second, stage by stage, beside the emulator and the thesis's stack"),
     "doctor": ("doctor", "versions, threads, what is missing and how to get it"),

@@ -27,7 +27,7 @@ class MapArguments:
     run: tyro.conf.Positional[Path]
     """Folder of the run."""
     export: Path | None = None
-    """Also write the map: .graphml or .gexf for graph tools such as Gephi, .ttl for RDF tools."""
+    """Also write the map: .graphml or .gexf for graph tools such as Gephi, .ttl for RDF tools, with its rules."""
     json: bool = False
     """Print one JSON object as the only line of standard output."""
 
@@ -59,7 +59,7 @@ def _check(path: Path) -> None:
 def _export(loaded: LoadedMap, path: Path) -> None:
     from semrl.ontology.export import exporter
 
-    written = exporter(path)(loaded.graph, loaded.action_names)
+    written = exporter(path)(loaded.graph, loaded.action_names, loaded.rules)
     write_atomic(path, lambda file: file.write(written))
 
 

@@ -18,7 +18,8 @@ from semrl.runs import load_map
 
 @dataclass(frozen=True, kw_only=True)
 class QueryArguments:
-    """Ask the state map of a run in SPARQL. Only SELECT and ASK, only this map; nothing is changed or fetched.
+    """Ask the state map of a run, and its rules, in SPARQL. Only SELECT and ASK, only this run; nothing is changed or
+    fetched.
 
     Example, the five best transitions:
 
@@ -28,7 +29,8 @@ class QueryArguments:
     Classes: semrl:State, semrl:Transition (semrl:PositiveTransition, semrl:NegativeTransition,
     semrl:NeutralTransition), semrl:Action. Properties: semrl:source, semrl:target, semrl:action, semrl:actionShare,
     semrl:reward of a transition; semrl:outgoing, semrl:incoming, semrl:leadsTo of a state; semrl:count, semrl:number of
-    both; rdfs:label and rdf:type of all. The prefixes semrl, map, rdf, rdfs, owl and xsd are known. All about them:
+    both; semrl:about, semrl:condition, semrl:change, semrl:support, semrl:error of a semrl:Rule (models with trees);
+    rdfs:label and rdf:type of all. The prefixes semrl, map, rdf, rdfs, owl and xsd are known. All about them:
 
         semrl query runs/first 'SELECT ?term ?says { ?term rdfs:comment ?says }'
     """
@@ -50,7 +52,7 @@ def main(argv: Sequence[str]) -> None:
     arguments = parse(QueryArguments, argv, command="query")
     limits = Limits(rows=arguments.rows, seconds=arguments.seconds)
     loaded = load_map(arguments.run)
-    answer = ask(to_store(loaded.graph, loaded.action_names), arguments.query, limits)
+    answer = ask(to_store(loaded.graph, loaded.action_names, loaded.rules), arguments.query, limits)
     if arguments.json:
         print(json_format.dumps({"run": str(arguments.run), **_as_json(answer)}))
         return

@@ -10,7 +10,7 @@ import tyro
 
 from semrl.cli.arguments import parse
 from semrl.cli.progress import console
-from semrl.ontology.rules import Rule
+from semrl.ontology.rules import sentence
 from semrl.runs.rules import load_rules
 
 
@@ -43,10 +43,3 @@ def main(argv: Sequence[str]) -> None:
         console.print(f"[bold]{about}[/bold]")
         for rule in group:
             console.print(f"  {sentence(rule)}", soft_wrap=True, markup=False, highlight=False)
-
-
-def sentence(rule: Rule) -> str:
-    """Say a rule: what changes, when, and in how many decisions it was seen."""
-    when = f", if {' and '.join(rule.conditions)}" if rule.conditions else ", always"
-    within = "exactly" if rule.error < 0.005 else f"± {rule.error:.2g}"
-    return f"{rule.value:+.3g}{when}  ({rule.decisions:,} decisions, {within})"

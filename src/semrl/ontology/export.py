@@ -11,23 +11,24 @@ from numpy.typing import NDArray
 
 from semrl.errors import UsageError
 from semrl.ontology.knowledge import most_frequent_actions, to_store, to_turtle
+from semrl.ontology.rules import Rule
 from semrl.types import MapGraph
 
-Exporter = Callable[[MapGraph, Sequence[str]], bytes]
-"""Writes a map, given the names of its actions; the same map always gives the same bytes."""
+Exporter = Callable[[MapGraph, Sequence[str], Sequence[Rule]], bytes]
+"""Writes a map, given the names of its actions and the learned rules; the same map always gives the same bytes."""
 
 _COLOURS = ({"r": 214, "g": 180, "b": 0}, {"r": 0, "g": 150, "b": 60}, {"r": 200, "g": 30, "b": 30})
 """Of neutral, positive and negative edges (0, 1, -1), as in Figure 4.15."""
 
 
-def graphml(graph: MapGraph, action_names: Sequence[str]) -> bytes:
-    """Write a map as GraphML, each edge with its count, reward, sign and the share of each action."""
+def graphml(graph: MapGraph, action_names: Sequence[str], _rules: Sequence[Rule] = ()) -> bytes:
+    """Write a map as GraphML, each edge with its count, reward, sign and the share of each action; no rules."""
     file = io.BytesIO()
     nx.write_graphml_xml(_network(graph, action_names), file)
     return file.getvalue()
 
 
-def gexf(graph: MapGraph, action_names: Sequence[str]) -> bytes:
+def gexf(graph: MapGraph, action_names: Sequence[str], _rules: Sequence[Rule] = ()) -> bytes:
     """Write a map as GEXF for Gephi: as `graphml`, with the places and colours of Figure 4.15."""
     network = _network(graph, action_names)
     for _, node in network.nodes(data=True):
@@ -39,9 +40,9 @@ def gexf(graph: MapGraph, action_names: Sequence[str]) -> bytes:
     return re.sub(rb' lastmodifieddate="[^"]*"', b"", file.getvalue(), count=1)  # the date would make every file differ
 
 
-def turtle(graph: MapGraph, action_names: Sequence[str]) -> bytes:
-    """Write a map as Turtle: the ontology, then states, transitions and actions."""
-    return to_turtle(to_store(graph, action_names))
+def turtle(graph: MapGraph, action_names: Sequence[str], rules: Sequence[Rule] = ()) -> bytes:
+    """Write a map as Turtle: the ontology, then states, transitions, actions and rules."""
+    return to_turtle(to_store(graph, action_names, rules))
 
 
 EXPORTERS: dict[str, Exporter] = {".graphml": graphml, ".gexf": gexf, ".ttl": turtle}

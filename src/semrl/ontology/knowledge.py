@@ -1,4 +1,4 @@
-"""The state map as an RDF knowledge base with an ontology (§3.4.1).
+"""The state map and the learned rules as an RDF knowledge base with an ontology (§3.4.1).
 
 The thesis keeps its map as a graph and says that it could be "a collection of RDF triples if we wanted": this is it.
 """
@@ -13,6 +13,7 @@ import numpy as np
 import pyoxigraph as ox
 
 from semrl.errors import DataError
+from semrl.ontology.rules import Rule, sentence
 from semrl.ontology.vocabulary import CLASSES, PREFIXES, PROPERTIES, TERMS
 from semrl.types import Ints, MapGraph
 
@@ -21,8 +22,8 @@ _SIGNS = ("NeutralTransition", "PositiveTransition", "NegativeTransition")  # by
 _Statement = tuple[ox.NamedNode, ox.NamedNode, ox.NamedNode | ox.Literal]
 
 
-def to_store(graph: MapGraph, action_names: Sequence[str]) -> ox.Store:
-    """Make the knowledge base of a map: the ontology, its states and transitions, and the actions.
+def to_store(graph: MapGraph, action_names: Sequence[str], rules: Sequence[Rule] = ()) -> ox.Store:
+    """Make the knowledge base of a map: the ontology, its states and transitions, the actions, and learned rules.
 
     Nothing is left to be inferred: superclasses and inverse properties are written out.
 
@@ -32,6 +33,8 @@ def to_store(graph: MapGraph, action_names: Sequence[str]) -> ox.Store:
         The map.
     action_names
         Name of each column of ``graph.actions``.
+    rules
+        Of the model of the world, where it has any.
 
     Raises
     ------
@@ -39,7 +42,8 @@ def to_store(graph: MapGraph, action_names: Sequence[str]) -> ox.Store:
         When there are not as many names as actions.
     """
     store = ox.Store()
-    statements = [*_ontology(), *_actions(action_names), *_states(graph), *_transitions(graph, action_names)]
+    drawn = [*_states(graph), *_transitions(graph, action_names)]
+    statements = [*_ontology(), *_actions(action_names), *drawn, *_rules(rules)]
     store.bulk_extend(ox.Quad(*statement) for statement in statements)
     return store
 
@@ -68,7 +72,8 @@ def most_frequent_actions(graph: MapGraph, action_names: Sequence[str]) -> Ints:
 
 def _ontology() -> Iterator[_Statement]:
     ontology = ox.NamedNode(TERMS.rstrip("#"))
-    yield from _described(ontology, "owl:Ontology", "semrl", "What the state map of a run is made of.")
+    about = "What the state map of a run is made of, and the rules by which it foresees."
+    yield from _described(ontology, "owl:Ontology", "semrl", about)
     for name, parent, comment in CLASSES:
         node = _node(f"semrl:{name}")
         yield from _described(node, "owl:Class", _words(name), comment)
@@ -114,6 +119,18 @@ def _transitions(graph: MapGraph, action_names: Sequence[str]) -> Iterator[_Stat
         yield node, _node("semrl:action"), _action(action_names[action])
         yield node, _node("semrl:actionShare"), ox.Literal(share)
         yield node, _node("semrl:reward"), ox.Literal(reward)
+
+
+def _rules(rules: Sequence[Rule]) -> Iterator[_Statement]:
+    for number, rule in enumerate(rules):
+        node = _node(f"map:rule-{number}")
+        yield from _described(node, "semrl:Rule", f"{rule.about}: {sentence(rule)}")
+        yield node, _node("semrl:about"), ox.Literal(rule.about)
+        yield node, _node("semrl:change"), ox.Literal(rule.value)
+        yield node, _node("semrl:support"), ox.Literal(rule.decisions)
+        yield node, _node("semrl:error"), ox.Literal(rule.error)
+        for condition in rule.conditions:
+            yield node, _node("semrl:condition"), ox.Literal(condition)
 
 
 def _cluster(kind: str, number: int, count: int) -> Iterator[_Statement]:

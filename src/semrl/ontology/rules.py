@@ -113,6 +113,13 @@ def read_rules(
     return sorted(found, key=lambda rule: -rule.decisions)
 
 
+def sentence(rule: Rule) -> str:
+    """Say a rule: what changes, when, and in how many decisions it was seen."""
+    when = f", if {' and '.join(rule.conditions)}" if rule.conditions else ", always"
+    within = "exactly" if rule.error < 0.005 else f"± {rule.error:.2g}"
+    return f"{rule.value:+.3g}{when}  ({rule.decisions:,} decisions, {within})"
+
+
 def _pruned(tree: Tree, most: int) -> set[int]:
     """Return the nodes that are leaves when a tree is pruned to so many."""
     inner = tree.columns >= 0

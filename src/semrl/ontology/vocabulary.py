@@ -5,7 +5,7 @@ from typing import NamedTuple
 TERMS = "urn:semrl:ontology#"
 """Namespace of classes and properties."""
 INSTANCES = "urn:semrl:map:"
-"""Namespace of the states, transitions and actions of a map."""
+"""Namespace of the states, transitions, actions and rules of a run."""
 
 PREFIXES = {
     "rdf": "http://www.w3.org/1999/02/22-rdf-syntax-ns#",
@@ -44,6 +44,7 @@ CLASSES = (
     Class("NegativeTransition", "Transition", "A transition whose reward, rounded, is -1."),
     Class("NeutralTransition", "Transition", "A transition whose reward, rounded, is 0."),
     Class("Action", None, "What the agent can do."),
+    Class("Rule", None, "When all its conditions hold, what it is about changes by so much: a leaf of a pruned tree."),
 )
 
 PROPERTIES = (
@@ -58,4 +59,9 @@ PROPERTIES = (
     Property("count", "Cluster", "xsd:integer", "How many states or transitions of the game a cluster stands for."),
     Property("number", "Cluster", "xsd:integer", "Number of a cluster in its tree; it stays as the map grows."),
     Property("actionNumber", "Action", "xsd:integer", "Number of an action in the environment."),
+    Property("about", "Rule", "xsd:string", "The number of a state that a rule foresees, or the reward."),
+    Property("condition", "Rule", "xsd:string", "What must hold; a rule may have several."),
+    Property("change", "Rule", "xsd:double", "By how much the number changes, or the reward itself."),
+    Property("support", "Rule", "xsd:integer", "For how many decisions of the play a rule held."),
+    Property("error", "Rule", "xsd:double", "Root mean squared error of a rule in them."),
 )

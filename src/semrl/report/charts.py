@@ -1,6 +1,6 @@
-"""The charts of a run: its learning curve and its paths to stability."""
+"""The charts of a run: its learning curve, its paths to stability, and how far it sees ahead."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import matplotlib as mpl
 from markupsafe import Markup
@@ -47,4 +47,15 @@ def stability_path(values: Series, *, goal: float, ylabel: str, title: str) -> M
         )  # fmt: skip
         axes.set_ylim(bottom=min(0, *axes.get_ylim()))
         label_axes(axes, "batches", ylabel)
+        return as_svg(figure, title)
+
+
+def foresight_path(explained: Mapping[int, float], *, title: str) -> Markup:
+    """Draw which share of the states' variance was foreseen, by decisions ahead."""
+    with mpl.rc_context(STYLE):
+        figure, axes = new_figure((360, 240))
+        axes.plot(list(explained), list(explained.values()), "o-", color=RUN_COLOURS[0], linewidth=1.6, markersize=5)
+        axes.set_xlim(left=0)
+        axes.set_ylim(min(0, *explained.values()), 1.05)
+        label_axes(axes, "decisions ahead", "share foreseen")
         return as_svg(figure, title)

@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from semrl.errors import UsageError
 from semrl.report import scenes, wording
-from semrl.report.charts import RUN_COLOURS, learning_curve, stability_path
+from semrl.report.charts import RUN_COLOURS, foresight_path, learning_curve, stability_path
 from semrl.report.record import RunRecord, read_run
 from semrl.report.templates import render_page
 from semrl.runs.files import require_writable, write_text
@@ -89,6 +89,8 @@ def _run(record: RunRecord, colour: str, defaults: Mapping[str, Any]) -> dict[st
         "samples": scenes.samples(record.gallery),
         "kinds": scenes.kinds(record.gallery),
         "learned": _learned(record),
+        "foresight": _foresight(record),
+        "has_map": any(row.get("map_nodes") for row in record.rows),
         "video": base64.b64encode(record.video).decode() if record.video else None,
         "has_video": record.has_video,
         "changed": changed,
@@ -123,6 +125,22 @@ def _paths(record: RunRecord) -> list[dict[str, Any]]:
             "after": int(values.x[-1]) if len(values) else None,
         })  # fmt: skip
     return drawn
+
+
+def _foresight(record: RunRecord) -> dict[str, Any] | None:
+    """Draw how far a run sees ahead, and count what it foresaw of gains and losses."""
+    if record.foresight is None:
+        return None
+    explained = {int(ahead): float(share) for ahead, share in record.foresight["explained"].items()}
+    counts = record.foresight["confusion"]  # rows: what came, a loss, nothing, a gain
+    title = f"Share of the variance of the states that {record.name} foresaw, by decisions ahead"
+    return {
+        "chart": foresight_path(explained, title=title) if explained else None,
+        "decisions": record.foresight["decisions"],
+        "losses": (counts[0][0], sum(counts[0])),
+        "gains": (counts[2][2], sum(counts[2])),
+        "false_alarms": counts[1][0] + counts[1][2],
+    }
 
 
 def _learned(record: RunRecord) -> list[tuple[str, str]]:

@@ -46,6 +46,8 @@ class RunRecord:
         Of ``metrics.csv``: column → text.
     evaluation
         Content of ``evaluation.json``; None when the run was not evaluated.
+    foresight
+        Content of ``foresight.json``; None when it was not tested what the run foresees, or it cannot.
     gallery
         Arrays of ``gallery.npz``; empty when there is none.
     video
@@ -60,6 +62,7 @@ class RunRecord:
     manifest: Mapping[str, Any]
     rows: Sequence[Mapping[str, str]]
     evaluation: Mapping[str, Any] | None
+    foresight: Mapping[str, Any] | None
     gallery: Arrays
     video: bytes | None
     has_video: bool
@@ -125,21 +128,22 @@ def read_run(path: Path) -> RunRecord:
         config=config,
         manifest=manifest,
         rows=read_metrics(path / "metrics.csv"),
-        evaluation=_read_evaluation(path),
+        evaluation=_read_json(path / "evaluation.json", ("mean", "std", "min", "max", "episodes"), "eval"),
+        foresight=_read_json(path / "foresight.json", ("decisions", "balanced_accuracy"), "foresee"),
         gallery=read_arrays(gallery) if gallery.exists() else {},
         video=video.read_bytes() if embeddable else None,
         has_video=video.is_file(),
     )
 
 
-def _read_evaluation(path: Path) -> Mapping[str, Any] | None:
-    file = path / "evaluation.json"
+def _read_json(file: Path, numbers: Sequence[str], command: str) -> Mapping[str, Any] | None:
+    """Return what a command left beside the run, which has at least these numbers; None where there is nothing."""
     if not file.exists():
         return None
     try:
         content: Mapping[str, Any] = json.loads(file.read_text())
-        for key in ("mean", "std", "min", "max", "episodes"):
+        for key in numbers:
             float(content[key])
     except (ValueError, KeyError, TypeError):
-        raise SemrlError(f"{file} is damaged; write it again with: semrl eval {path}") from None
+        raise SemrlError(f"{file} is damaged; write it again with: semrl {command} {file.parent}") from None
     return content

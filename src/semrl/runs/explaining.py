@@ -16,7 +16,6 @@ from semrl.planner import edge_costs, edges_along, reason
 from semrl.reasoning import Reasoner
 from semrl.runs.evaluation import EVALUATION_SEED
 from semrl.runs.explanation import Aftermath, Deed, Explanation, Foresight, Hop, Place, Told
-from semrl.runs.maps import action_names
 from semrl.runs.player import Player, Policy, Step, load_player
 from semrl.runs.session import limited_threads
 from semrl.runs.sight import Sight, look_again
@@ -123,7 +122,7 @@ class _Thought:
         self.player, self.reasoner, self.state = player, reasoner, step.state
         self.moment, self.plan = step.thought.moment, step.thought.plan
         self.graph, self.routes = reasoner.state_map.graph_, reasoner.routes
-        self.action_names = action_names(player)
+        self.action_names = player.action_names
         self.n_scenarios = len(self.plan.scenarios)
 
     def features(self) -> dict[str, float]:

@@ -1,7 +1,9 @@
 """How well a run's model of the world foresees play that it has not seen (§4.2)."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +13,15 @@ from semrl.errors import UsageError
 from semrl.pipeline import Pipeline
 from semrl.protocols import WorldModel
 from semrl.runs.evaluation import EVALUATION_SEED, PROBING
-from semrl.runs.player import Player, Policy, Step, load_player
+from semrl.runs.files import write_text
+from semrl.runs.player import Policy, Step, load_player
 from semrl.runs.session import limited_threads
 from semrl.types import Floats
 
-HORIZONS = (1, 5, 20)
+HORIZONS = (1, 2, 5, 10, 20)
+
+FILE = "foresight.json"
+"""Where it is written, in the folder of a run."""
 
 Spans = dict[int, list[tuple[Floats, Floats]]]
 """Horizon → states foreseen and states that came."""
@@ -47,9 +53,14 @@ class Quality:
 
 
 def foresight(
-    run: str | Path, *, decisions: int = 10_000, seed: int | None = None, policy: Policy = "agent"
+    run: str | Path,
+    *,
+    decisions: int = 10_000,
+    seed: int | None = None,
+    policy: Policy = "agent",
+    on_step: Callable[[Step], None] = lambda _: None,
 ) -> Quality:
-    """Play new episodes and compare what came with what the run's model foresaw, 1, 5 and 20 decisions ahead.
+    """Play new episodes, compare what came with what the run's model foresaw, and write it into the run's folder.
 
     A span of several decisions counts when no reward falls into it, since the model stops at a reward.
 
@@ -63,6 +74,8 @@ def foresight(
         Of the episodes; when None, one that training did not use.
     policy
         Who plays.
+    on_step
+        Is told every decision.
 
     Raises
     ------
@@ -77,16 +90,19 @@ def foresight(
     facts: Spans = {horizon: [] for horizon in HORIZONS}
     confusion = np.zeros((3, 3), np.int64)
     with limited_threads(player.config.threads):
-        for steps in _episodes(player, decisions, seed, policy):
+        for steps in _episodes(partial(player.episode, seed=seed, policy=policy), decisions, on_step):
             _compare(world, steps, facts, confusion)
         vectors = _embedded(player.pipeline, facts) if player.pipeline.facts.start else {}
-    return Quality(
+    quality = Quality(
         decisions=int(confusion.sum()),
         explained=_explained(facts),
         explained_vectors=_explained(vectors),
         confusion=confusion.tolist(),
         balanced_accuracy=balanced_accuracy(confusion),
     )
+    provenance = {"learned_from": player.decisions, "seed": seed, "policy": policy, "exploration": PROBING}
+    write_text(Path(run) / FILE, json.dumps(asdict(quality) | {"with": provenance}, indent=2) + "\n")
+    return quality
 
 
 def balanced_accuracy(confusion: NDArray[np.int64]) -> float:
@@ -95,10 +111,15 @@ def balanced_accuracy(confusion: NDArray[np.int64]) -> float:
     return float((confusion.diagonal()[came > 0] / came[came > 0]).mean())
 
 
-def _episodes(player: Player, decisions: int, seed: int, policy: Policy) -> Iterator[Sequence[Step]]:
+def _episodes(
+    play: Callable[[int], Iterator[Step]], decisions: int, on_step: Callable[[Step], None]
+) -> Iterator[Sequence[Step]]:
     played = number = 0
     while played < decisions:
-        steps = list(player.episode(number, seed, policy))
+        steps = []
+        for step in play(number):
+            steps.append(step)
+            on_step(step)
         played, number = played + len(steps) - 1, number + 1
         yield steps
 

@@ -1,19 +1,21 @@
-"""The map of a run, for those who want to look at it."""
+"""The map of a run and the rules behind it, for those who want to look at them."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
-from semrl.runs.player import Player, load_player
-from semrl.state import played_actions
+from semrl.ontology.rules import Rule
+from semrl.runs.player import load_player
+from semrl.runs.rules import rules_of
 from semrl.types import MapGraph
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LoadedMap:
-    """The map of a run, as of its newest checkpoint, and the names of its actions."""
+    """The map of a run, as of its newest checkpoint, the names of its actions, and the rules by which it foresees."""
 
     graph: MapGraph
     action_names: tuple[str, ...]
+    rules: tuple[Rule, ...]
 
 
 def load_map(run: str | Path) -> LoadedMap:
@@ -26,9 +28,4 @@ def load_map(run: str | Path) -> LoadedMap:
     """
     player = load_player(run)
     graph = player.require_map(run).state_map.graph_
-    return LoadedMap(graph=graph, action_names=action_names(player))
-
-
-def action_names(player: Player) -> tuple[str, ...]:
-    """Return the names of the actions that a run plays with, by number."""
-    return played_actions(player.new_game(0).env, player.config.environment.actions)
+    return LoadedMap(graph=graph, action_names=player.action_names, rules=tuple(rules_of(player)))

@@ -16,7 +16,7 @@ from semrl.reasoning import Reasoner, Thought
 from semrl.runs.config import RunConfig
 from semrl.runs.folder import PLAYABLE, RunFolder
 from semrl.runs.session import build_trainer
-from semrl.state import Game, make_env
+from semrl.state import Game, make_env, played_actions
 from semrl.types import Observation
 
 Policy = Literal["agent", "planner"]
@@ -57,6 +57,11 @@ class Player:
     decisions: int
     perceiving: bool
     """Whether perception was still being learned at this checkpoint."""
+
+    @property
+    def action_names(self) -> tuple[str, ...]:
+        """Names of the actions that it plays with, by number."""
+        return played_actions(self.new_game(0).env, self.config.environment.actions)
 
     def under(self, **conditions: Any) -> Self:
         """Return the same player, tested under other conditions: fields of `EvaluationConfig`."""

@@ -5,14 +5,16 @@ from pathlib import Path
 from semrl.errors import UsageError
 from semrl.ontology import TreeWorld
 from semrl.ontology.rules import Rule
-from semrl.runs.maps import action_names
-from semrl.runs.player import load_player
+from semrl.runs.player import Player, load_player
+
+MOST = 8
+"""Rules for each number of a state, and for the reward, when nothing else is asked for."""
 
 PERCENT = 0.01
 """Of the image, in which places of what is tracked are told."""
 
 
-def load_rules(run: str | Path, *, most: int = 8) -> list[Rule]:
+def load_rules(run: str | Path, *, most: int = MOST) -> list[Rule]:
     """Read the rules that a run has learned, so many for each number of its state and for the reward.
 
     Raises
@@ -29,5 +31,13 @@ def load_rules(run: str | Path, *, most: int = 8) -> list[Rule]:
         )
     if not world.is_fitted:
         raise UsageError(f"{run} has not learned any rules yet: it needs more frames")
+    return rules_of(player, most=most)
+
+
+def rules_of(player: Player, *, most: int = MOST) -> list[Rule]:
+    """Return the rules of a player with a map; none where it foresees by networks, or nothing was learned."""
+    world = player.reasoner.world if player.reasoner else None
+    if not (isinstance(world, TreeWorld) and world.is_fitted):
+        return []
     names = player.pipeline.names or tuple(f"number {i}" for i in range(player.pipeline.shape[0]))
-    return world.rules(names, action_names(player), most=most, unit=PERCENT if player.pipeline.follows else None)
+    return world.rules(names, player.action_names, most=most, unit=PERCENT if player.pipeline.follows else None)
