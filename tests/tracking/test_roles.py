@@ -7,6 +7,7 @@ from walkers import N_CLASSES, followed
 from semrl.errors import UsageError
 from semrl.tracking import SLOT_NUMBERS, Roles, RolesConfig, no_tracks
 from semrl.tracking.bonds import Bonds
+from semrl.tracking.habits import Habits
 from semrl.tracking.influence import Influence
 
 FRAMES = 200
@@ -15,8 +16,11 @@ CLASSES = (0, 0, 1, 2)
 """Player and enemy look the same."""
 
 
-def game(seed, frames):
-    """A paddle that the action moves, one that goes its own way, a ball that is away now and then, a digit."""
+def game(seed, frames, odd=range(0)):
+    """A paddle that the action moves, one that goes its own way, a ball that is away now and then, a digit.
+
+    While `odd` the ball looks like something else.
+    """
     rng = np.random.default_rng(seed)
     player, enemy, velocity = 40.0, 30.0, 1.5
     for t in range(frames):
@@ -26,14 +30,14 @@ def game(seed, frames):
         enemy += velocity
         seen = [(0, player, 74), (0, enemy, 9), (2, 5, 20)]
         if t % 40 < 30:
-            seen.append((1, 20 + t % 40, 20 + 1.5 * (t % 40)))
+            seen.append((3 if t in odd else 1, 20 + t % 40, 20 + 1.5 * (t % 40)))
         yield action, [seen[i] for i in rng.permutation(len(seen))]
 
 
-def played(roles, seed=0, frames=FRAMES):
+def played(roles, seed=0, frames=FRAMES, odd=range(0)):
     """Play, learn while there is something to learn; yield the tracks with their roles."""
     tracks = no_tracks(N_CLASSES)
-    for action, seen in game(seed, frames):
+    for action, seen in game(seed, frames, odd):
         (tracks,) = followed([seen], tracks=tracks)
         roles.partial_fit(tracks, action)
         tracks = replace(tracks, roles=roles.predict(tracks))
@@ -66,6 +70,19 @@ def test_the_action_moves_the_player_alone(learned):
     assert controlled.sum() == 1 and controlled[slot_of(learned, 74)]
     influence = learned.influence_[learned.slots_]
     assert influence.max() > 0.8 and np.sort(influence)[-2] < 0.1
+
+
+def test_an_object_that_once_looked_odd_has_one_role_all_the_same(learned):
+    """As it came back it fitted no role by its looks, and founded a second, which it had from then on or had not."""
+    roles = Roles(RolesConfig(frames=FRAMES, slots=4))
+    founded = [len(roles.kinds_) for _ in played(roles, odd=range(80, 90))][-1]
+    assert founded == len(learned.kinds_) + 1
+    assert roles.kinds_[roles.slots_].tolist() == [0, 0, 1]
+    ball, same = roles.slots_[2], learned.slots_[2]
+    np.testing.assert_allclose(roles.seen_[ball], learned.seen_[same], atol=0.03)
+    np.testing.assert_allclose(roles.means_px_[ball], learned.means_px_[same], atol=0.5)
+    np.testing.assert_allclose(roles.moving_[ball], learned.moving_[same], atol=0.02)
+    np.testing.assert_allclose(roles.seen_.sum(), learned.seen_.sum(), atol=0.03)  # nobody is counted twice
 
 
 def test_slots_tell_of_the_same_thing_in_every_episode(learned):
@@ -144,3 +161,34 @@ def test_nonsense_is_refused():
     for wrong in ({"frames": 0}, {"slots": 0}):
         with pytest.raises(UsageError):
             RolesConfig(**wrong)
+
+
+def test_what_is_merged_is_as_if_counted_together():
+    rng = np.random.default_rng(0)
+    places = rng.uniform(10, 70, (60, 2))
+    apart, together = (_counted(places, roles) for roles in (np.arange(60) % 3 == 0, np.zeros(60)))
+    apart.merge(0, 1)
+    for name in ("classes", "means", "deviations", "moves"):
+        np.testing.assert_allclose(getattr(apart, name)[0], getattr(together, name)[0], rtol=1e-4, err_msg=name)
+    assert apart.seen[1] == 0 and (apart.moves[1] == 0).all()
+
+
+def _counted(places, roles):
+    habits = Habits()
+    habits.found(), habits.found()
+    for i, (place, role) in enumerate(zip(places, roles, strict=True)):
+        (tracks,) = followed([[(i % 3, *place)]])
+        habits.count(tracks, np.array([0]), np.array([int(role)]), moved=np.array([i % 2 == 0]))
+    return habits
+
+
+def test_influence_of_merged_roles_is_that_of_one():
+    rng = np.random.default_rng(0)
+    apart, together = Influence(), Influence()
+    for t in range(200):
+        action = int(rng.integers(3))
+        steps = np.array([[action - 1.0, 0.0]]) + rng.normal(0, 0.5, (1, 2))
+        apart.learn(action, np.array([t % 2]), steps)
+        together.learn(action, np.array([0]), steps)
+    apart.merge(0, 1)
+    np.testing.assert_allclose(apart.shares(2), [together.shares(1)[0], 0])

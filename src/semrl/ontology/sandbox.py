@@ -21,7 +21,7 @@ def main() -> None:
     """Read the task, answer it."""
     task = json.loads(sys.stdin.buffer.readline())
     _bound("RLIMIT_CORE", 0)
-    _bound("RLIMIT_CPU", math.ceil(task["seconds"]))  # in case whoever asked is gone
+    _bound("RLIMIT_CPU", math.ceil(2 * task["seconds"]))  # in case whoever asked is gone, else that one is first
     _bound("RLIMIT_AS", task["memory_mb"] << 20)
     store = ox.Store()
     store.bulk_load(sys.stdin.buffer.read(), format=ox.RdfFormat.N_TRIPLES)

@@ -1,4 +1,4 @@
-"""Which roles are parts of one thing: what always moves as one is one."""
+"""Which roles are one: what always moves as one is one thing, and what takes turns has one part."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,9 @@ RIGID_PX = 0.5
 
 LEAST_TOGETHER = 0.5
 """Share of the frames with the rarer of two roles in which the other must have been seen as well."""
+
+MOST_TOGETHER = 0.05
+"""Share of these frames up to which two roles take turns."""
 
 
 class Bonds:
@@ -52,6 +55,10 @@ class Bonds:
         often = self._together > LEAST_TOGETHER * np.minimum(seen[:, None], seen[None])
         result[:n, :n] |= rigid & close & often
         return result
+
+    def apart(self, role: int, other: int) -> bool:
+        """Return whether two roles take turns: hardly ever are both seen."""
+        return bool(self._together[role, other] <= MOST_TOGETHER * self._together[[role, other], [role, other]].min())
 
     def to_arrays(self) -> Arrays:
         """Return what was counted."""

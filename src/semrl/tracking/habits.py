@@ -106,6 +106,17 @@ class Habits:
         self.deviations[roles] += away * (tracks.centres_px[shown] - self.means[roles])
         self.moves[roles] += np.column_stack([moved, tracks.ages[shown] > 0])
 
+    def merge(self, role: int, other: int) -> None:
+        """Let one role have all that was counted of another, which is left with nothing."""
+        seen, more = self.seen[[role, other]]
+        way = self.means[other] - self.means[role]
+        self.means[role] += way * more / (seen + more)
+        self.deviations[role] += self.deviations[other] + way**2 * seen * more / (seen + more)  # Chan et al. (1979)
+        for counts in (self.classes, self.moves):
+            counts[role] += counts[other]
+            counts[other] = 0
+        self.deviations[other] = 0
+
     def known(self, roles: Ints) -> Known:
         """Return what tracks are measured against, for some roles."""
         seen = self.seen[roles, None]

@@ -43,6 +43,13 @@ class Influence:
             self._sums[roles, lag, :, cause] += steps_px
             self._squares[roles, lag] += np.square(steps_px)
 
+    def merge(self, role: int, other: int) -> None:
+        """Let one role have all that was counted of another, which is left with nothing."""
+        self._grow(max(role, other) + 1, 0)
+        for counted in (self._counts, self._sums, self._squares):
+            counted[role] += counted[other]
+            counted[other] = 0
+
     def shares(self, n_roles: int) -> NDArray[np.float64]:
         """Return the explained share of each role, ``(n_roles,)`` in 0 … 1; 0 where nothing is known."""
         shares = np.zeros(n_roles)

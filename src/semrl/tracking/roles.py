@@ -48,8 +48,9 @@ class Roles:
     Identities end with an episode, and sooner where an object leaves the image; a role stays. It is known by its
     habits: the classes that were seen in it, where it stays and how often it moves. A track that has moved and
     fits no free role founds one. Whoever fits best has the role (all pairs at once, by likelihood; who has it
-    keeps it if in doubt). After `frames` of random play the roles that move are given slots, ordered by kind, the
-    older first; what stands still gets none. Whether the actions move it is measured as well: see `Influence`.
+    keeps it if in doubt). After `frames` of random play roles of one kind that take turns become one, and the roles
+    that move are given slots, ordered by kind, the older first; what stands still gets none. Whether the actions move
+    it is measured as well: see `Influence`.
 
     Parameters
     ----------
@@ -150,6 +151,7 @@ class Roles:
         self._influence.learn(action, roles[shown[old]], steps[old])
         self._bonds.learn(roles[shown], tracks.centres_px[shown])
         if self.is_fitted:
+            self._merge()
             self.slots_ = self._give_slots()
         self._know()
         return self
@@ -214,9 +216,22 @@ class Roles:
         self._bonds.from_arrays(unnest(arrays, "bonds"))
         self._know()
 
+    @property
+    def _matter(self) -> NDArray[np.bool_]:
+        return (self.moving_ >= LEAST_MOVING_SHARE) & (self.seen_ >= LEAST_SEEN_SHARE)
+
+    def _merge(self) -> None:
+        """Make one of roles that matter, are of one kind and take turns: an object that looked odd founded a second."""
+        for role in np.argsort(-self.seen_, kind="stable").tolist():
+            for other in range(len(self._habits)):
+                alike = self._matter[[role, other]].all() and self.kinds_[role] == self.kinds_[other]
+                if role != other and alike and self._bonds.apart(role, other):
+                    self._habits.merge(role, other)
+                    self._influence.merge(role, other)
+
     def _give_slots(self) -> Ints:
         """Choose the roles that move, those first that are controlled, then those seen most; order them by kind."""
-        matter = (self.moving_ >= LEAST_MOVING_SHARE) & (self.seen_ >= LEAST_SEEN_SHARE)
+        matter = self._matter
         joined = self._bonds.joined(len(self._habits))
         chosen: list[int] = []
         for role in np.lexsort((-self.seen_, ~self.controlled_)).tolist():
