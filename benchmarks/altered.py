@@ -19,18 +19,20 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from semrl.arrays import unnest
 from semrl.errors import UsageError
 from semrl.ontology import TreeWorld
-from semrl.runs import RunFolder, load_player
+from semrl.runs import load_player
 from semrl.runs.evaluation import EVALUATION_SEED
 from semrl.runs.player import Player, Policy
 from semrl.runs.session import limited_threads
 from semrl.state import EnvironmentConfig, Game, make_env
-from semrl.state.environment import Env, FrameSkip, NoopStart
+from semrl.state.environment import Env, FrameSkip, NoopStart, choose_actions
 
 ENEMY_ADDRESS = 21
 """Where the emulator keeps the enemy's place: what is written there moves it, and is drawn with the next frame."""
+
+PONG_ACTIONS = ("NOOP", "FIRE", "RIGHT", "LEFT", "RIGHTFIRE", "LEFTFIRE")
+"""All of them, since a game begins with some that the agent does not have."""
 
 FARTHEST = 8
 """A larger step is no motion: the enemy is put somewhere else after a point."""
@@ -105,13 +107,13 @@ def main(arguments: Arguments) -> None:
 def play(run: Path, arguments: Arguments) -> Iterator[Score]:
     """Play with every policy of a run in every world."""
     for world, pace in WORLDS.items():
-        player = load_player(run)
+        player = load_player(run, memory=True)
         with limited_threads(player.config.threads):
             policies: tuple[Policy, ...] = ("agent", "planner") if player.reasoner else ("agent",)
             for policy in policies:
                 yield _score(run, world, policy, _games(player, pace, policy, arguments.episodes))
             if player.reasoner and pace != 1:
-                adapt(player, run, pace, arguments.adapting)
+                adapt(player, pace, arguments.adapting)
                 told = f"planner, after {arguments.adapting:,} decisions"
                 yield _score(run, world, told, _games(player, pace, "planner", arguments.episodes))
 
@@ -119,17 +121,15 @@ def play(run: Path, arguments: Arguments) -> Iterator[Score]:
 def altered_game(player: Player, pace: float, seed: int) -> Game:
     """Make the game that a run was trained on, with an altered enemy."""
     own = player.config.environment
-    env: Env = AlteredEnemy(make_env(player.config.env, EnvironmentConfig(frame_skip=1, actions=own.actions)), pace)
-    return Game(NoopStart(FrameSkip(env, own.frame_skip), player.config.evaluation.max_noops), seed)
+    every_frame = EnvironmentConfig(frame_skip=1, sticky_actions=own.sticky_actions, actions=PONG_ACTIONS)
+    env: Env = FrameSkip(AlteredEnemy(make_env(player.config.env, every_frame), pace), own.frame_skip)
+    return Game(choose_actions(NoopStart(env, player.config.evaluation.max_noops), own.actions), seed)
 
 
-def adapt(player: Player, run: Path, pace: float, decisions: int) -> None:
+def adapt(player: Player, pace: float, decisions: int) -> None:
     """Let the planner play in the altered world, and its model learn from that beside what it remembers."""
     assert player.reasoner is not None
     reasoner = player.reasoner
-    checkpoint = RunFolder.open(run).load(prefixes=("reasoner/",))
-    assert checkpoint is not None, "it has played already"
-    reasoner.from_arrays(unnest(checkpoint.arrays, "reasoner"))
     world = reasoner.world
     assert isinstance(world, TreeWorld), "the preset's models of the world are trees"
     world.config = replace(world.config, new_decisions=1, new_share=0.0)  # so little is nothing new to it otherwise

@@ -409,3 +409,9 @@ def test_trees_solve_the_corridor_by_plans_alone():
                 cell, reward = step(cell, action)
                 reasoner.observe(seen, action, reward)
         assert reward == 1, start
+
+
+def test_trees_cannot_look_back_farther_than_is_remembered():
+    for name in ("past_states", "past_actions"):
+        with pytest.raises(UsageError, match="may be 16 at most"):
+            dataclasses.replace(TREES, trees=dataclasses.replace(TREES.trees, **{name: 17}))

@@ -94,10 +94,14 @@ class SemanticVectorObservation(gym.vector.VectorObservationWrapper):
     Raises
     ------
     UsageError
-        When the frames are no RGB images, or the run has not learned to embed scenes.
+        When the frames are no RGB images, the run has not learned to embed scenes, or environments begin anew
+        otherwise than at the next step (Gymnasium's default).
     """
 
     def __init__(self, env: gym.vector.VectorEnv[Any, Any, Any], encoder: str | Path | Pipeline) -> None:
+        mode = env.metadata.get("autoreset_mode", gym.vector.AutoresetMode.NEXT_STEP)
+        if mode != gym.vector.AutoresetMode.NEXT_STEP:
+            raise UsageError(f"a semantic observation needs environments that begin anew at the next step, not {mode}")
         super().__init__(env)
         _check_frames(env.single_observation_space)
         self.pipeline = encoder if isinstance(encoder, Pipeline) else load_pipeline(encoder)

@@ -62,6 +62,8 @@ class ReasoningConfig:
     def __post_init__(self) -> None:
         if not (self.planner_every >= 0 and 0 <= self.velocity_weight < np.inf and 0 <= self.caution < np.inf):
             raise UsageError("reasoning.planner_every, velocity_weight and caution must be 0 or more")
+        if max(self.trees.past_states, self.trees.past_actions) > MEMORY_DECISIONS:
+            raise UsageError(f"trees.past_states and past_actions may be {MEMORY_DECISIONS} at most")
         if not 0 < self.discount <= 1:
             raise UsageError(f"reasoning.discount must lie above 0 and up to 1, not {self.discount}")
 

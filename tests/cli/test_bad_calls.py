@@ -268,7 +268,7 @@ def test_too_little_memory_is_one_line(call, tmp_path, tiny_toml):
 def test_a_planner_without_a_map_is_one_line(call, tmp_path, semantic_run, tiny):
     result = call("eval", semantic_run, "--policy", "planner", "--json")
     assert result.status == 2 and result.out == "" and result.err.count("\n") == 1
-    assert "has no map; train one with --model ram-map or --model semantic-map" in result.message
+    assert "has no map; train one with --model semantic-map or --model ram-map or" in result.message
     empty = tmp_path / "empty"
     train(empty, tiny("semantic-map", frames=4 * 60))
     result = call("eval", empty, "--policy", "planner")
@@ -289,6 +289,20 @@ def test_ctrl_c_and_sigterm_end_any_command(call, semantic_run, monkeypatch):
         assert signal.getsignal(number) is before
 
 
+def test_compiled_code_that_is_stopped_says_no_more_than_other_code(call, semantic_run, monkeypatch):
+    import semrl.cli.evaluate as command
+
+    def compiled(*_, cause, **__):
+        raise SystemError("returned a result with an exception set") from cause
+
+    monkeypatch.setattr(command, "evaluate", lambda *_, **__: compiled(cause=KeyboardInterrupt()))
+    result = call("eval", semantic_run)
+    assert result.status == 1 and result.message == "stopped"
+    monkeypatch.setattr(command, "evaluate", lambda *_, **__: compiled(cause=ValueError()))
+    with pytest.raises(SystemError):
+        call("eval", semantic_run)
+
+
 def test_a_missing_extra_is_named(call, tmp_path, tiny_toml, monkeypatch):
     import sys
 
@@ -303,6 +317,7 @@ def test_errors_of_evaluation_leave_no_result(call, tmp_path, tiny):
     result = call("eval", run.path, "--json")
     assert result.status == 2 and "has no checkpoint yet" in result.message and result.err.count("\n") == 1
     for flags in (["--episodes", "0"], ["--seed", "-1"]):
-        assert call("eval", run.path, *flags).status == 2
+        result = call("eval", run.path, *flags)
+        assert result.status == 2 and "episodes must be 1 or more and seed 0 or more" in result.message
     assert not (run.path / "evaluation.json").exists()
     assert json.loads(run.manifest_path.read_text())["status"] == "new"

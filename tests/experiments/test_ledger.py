@@ -1,3 +1,4 @@
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ from semrl.errors import SemrlError
 from semrl.experiments.ledger import Score, enter, read_ledger, read_table, score_of, summed_up
 from semrl.experiments.sweep import RunSpec
 from semrl.experiments.trials import Outcome, Trial, outcome_of
+from semrl.runs import evaluate
 from semrl.runs.metrics import read_metrics
 
 SPEC = RunSpec(preset="thesis", model="ram", seed=0, frames=4000)
@@ -103,6 +105,20 @@ def test_a_trial_is_called_by_what_is_asked(tmp_path):
     ]  # fmt: skip
     assert Trial(at=1_234_567).name == "agent-at-1234567"
     assert Trial(policy="planner", at=3000).path(tmp_path) == tmp_path / "evaluation-planner-at-3000.json"
+
+
+def test_somebody_elses_games_are_no_trial(semantic_run, tmp_path):
+    run = shutil.copytree(semantic_run, tmp_path / "run")
+    trial = Trial(episodes=2)
+    assert not trial.was_held(run)
+    for other in ({"episodes": 1}, {"episodes": 2, "seed": 3}):
+        evaluate(run, **other)
+        assert trial.path(run).exists() and not trial.was_held(run)
+    trial.hold(run)
+    assert trial.was_held(run) and not Trial(episodes=2, sticky_actions=0.5).was_held(run)
+    trial.path(run).write_text("{}")
+    with pytest.raises(SemrlError, match="delete it to play again"):
+        trial.was_held(run)
 
 
 def test_a_damaged_trial_is_told(tmp_path):

@@ -1,20 +1,22 @@
 """Runs whose agent is told plans: what they measure, and playing by plans alone."""
 
 import csv
-import dataclasses
 import json
 import shutil
+from dataclasses import asdict, replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from stopping import stopped
 
-from semrl.arrays import unnest
 from semrl.errors import SemrlError, UsageError
 from semrl.runs import RunFolder, evaluate, load_map, load_player, train
 from semrl.runs.evaluation import EVALUATION_SEED
+from semrl.runs.explaining import explain
+from semrl.runs.foresight import foresight
 from semrl.runs.metrics import read_metrics
+from semrl.runs.rules import load_rules
 
 EPISODE_DECISIONS = 45  # of Catch: five balls of nine decisions
 MAP_COLUMNS = ("map_nodes", "map_edges", "seconds_map", "seconds_next_state", "seconds_reward", "seconds_routes")
@@ -83,7 +85,7 @@ def test_the_planner_plays_and_leaves_the_agents_result_alone(own_run):
     assert (own_run / "evaluation.json").read_bytes() == written
     told = json.loads((own_run / "evaluation-planner.json").read_text())
     provenance = told.pop("with")
-    assert told == dataclasses.asdict(planner)
+    assert told == asdict(planner)
     assert (agent.policy, planner.policy, planner.episodes) == ("agent", "planner", 3)
     config = RunFolder.open(own_run).config()
     assert provenance["seed"] == config.seed + EVALUATION_SEED and provenance["decisions"] == config.decisions
@@ -96,7 +98,7 @@ def test_other_conditions_leave_the_plain_result_alone_and_stand_in_the_files_na
     shaken = evaluate(own_run, episodes=2, exploration=1.0)
     assert (own_run / "evaluation.json").read_bytes() == written
     told = json.loads((own_run / "evaluation-random-1.json").read_text())
-    assert told.pop("with")["exploration"] == 1.0 and told == dataclasses.asdict(shaken)
+    assert told.pop("with")["exploration"] == 1.0 and told == asdict(shaken)
     assert shaken.lengths != plain.lengths or shaken.returns != plain.returns
     evaluate(own_run, episodes=1, policy="planner", sticky_actions=0.25)
     path = own_run / "evaluation-planner-sticky-0.25.json"
@@ -112,9 +114,8 @@ def test_playing_by_plans_learns_nothing(own_run):
 
 
 def test_what_a_finished_run_keeps_is_enough_to_learn_from_further_play(tracked_run):
-    player = load_player(tracked_run)
-    kept = RunFolder.open(tracked_run).load(prefixes=("reasoner/",)).arrays
-    player.reasoner.from_arrays(unnest(kept, "reasoner"))
+    player = load_player(tracked_run, memory=True)
+    assert not len(load_player(tracked_run).reasoner.world.experience)
     seen = player.reasoner.world.seen_
     assert len(player.reasoner.world.experience) == seen > 0
     *steps, last = player.episode(0, 3, "planner")
@@ -124,9 +125,24 @@ def test_what_a_finished_run_keeps_is_enough_to_learn_from_further_play(tracked_
 
 def test_without_a_map_the_planner_cannot_play(semantic_run):
     for ask in (lambda: evaluate(semantic_run, policy="planner"), lambda: load_map(semantic_run)):
-        with pytest.raises(UsageError, match=r"model 'semantic', which has no map; .* ram-map .* semantic-map"):
+        with pytest.raises(UsageError, match=r"model 'semantic', which has no map; .* semantic-map or .* objects-map"):
             ask()
     assert not (semantic_run / "evaluation-planner.json").exists()
+
+
+def test_without_foresight_there_are_no_plans_to_tell_of(tmp_path, tracked_run):
+    run = tmp_path / "early"
+    config = RunFolder.open(tracked_run).config()
+    trees = replace(config.reasoning.trees, first_decisions=10_000)
+    train(run, replace(config, reasoning=replace(config.reasoning, trees=trees)))
+    assert len(load_map(run).graph)
+    asked = (
+        lambda: evaluate(run, policy="planner"), lambda: explain(run, episode=0, step=0), lambda: foresight(run),
+        lambda: load_rules(run),
+    )  # fmt: skip
+    for ask in asked:
+        with pytest.raises(UsageError, match="early cannot foresee anything yet, so there are no plans: it needs more"):
+            ask()
 
 
 def test_the_map_is_empty_until_the_first_episode_is_over(tmp_path, tiny):

@@ -35,6 +35,11 @@ def test_rows_that_no_checkpoint_knows_are_dropped(path):
     assert [int(r["decisions"]) for r in read_metrics(path)] == [0, 1, 2, 77]
 
 
+def test_rows_that_a_checkpoint_knows_must_be_there(path):
+    with pytest.raises(SemrlError, match=r"is damaged: it has 5 rows, where the checkpoint knows of 6"):
+        MetricsFile(path, n_rows=6)
+
+
 def test_a_new_file_forgets_the_old_one(path):
     MetricsFile(path).close()
     assert read_metrics(path) == []

@@ -119,6 +119,19 @@ def test_weights_that_are_no_numbers_are_never_saved(tmp_path, tiny):
     assert int(RunFolder.open(path).load().arrays["decisions"]) < 60
 
 
+@pytest.mark.parametrize("part", ["next_state", "reward"])
+def test_models_of_the_world_that_are_no_numbers_are_never_saved(tmp_path, tiny, part):
+    class Spoiler(AtDecision):
+        def on_decision(self, trainer):
+            if trainer.decisions_ == 60:
+                network = getattr(trainer.reasoner.world, part).network
+                next(network.layers.parameters()).data.fill_(np.nan)
+
+    config = tiny("semantic-map", frames=300, reasoning__models__reward__kind="network")
+    with pytest.raises(SemrlError, match=f"try a smaller --reasoning.models.{part.replace('_', '-')}.learning-rate"):
+        train(tmp_path / "run", config, observers=[Spoiler(0, None)])
+
+
 def test_a_full_disk_keeps_the_checkpoint(tmp_path, tiny, monkeypatch, semantic_run):
     path = tmp_path / "run"
     real, calls = os.fsync, []

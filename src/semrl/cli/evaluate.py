@@ -44,7 +44,7 @@ def main(argv: Sequence[str]) -> None:
     """Parse, play, tell."""
     arguments = parse(EvalArguments, argv, command="eval")
     config = RunFolder.open(arguments.run).config()
-    episodes = arguments.episodes or config.evaluation.episodes
+    episodes = config.evaluation.episodes if arguments.episodes is None else arguments.episodes
     returns: list[float] = []
     bars = progress_bars()
     with contextlib.ExitStack() as stack:

@@ -53,7 +53,9 @@ def _run(command: str, argv: Sequence[str]) -> int:
         return _complain(error, 1)
     except MemoryError as error:
         return _complain(f"not enough memory: {error or 'try a smaller --agent.replay-capacity'}", 1)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, SystemError) as error:  # compiled code that is interrupted says so in its own way
+        if isinstance(error, SystemError) and not isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):
+            raise
         return _complain("stopped", 1)
     except BrokenPipeError:  # whoever read our output has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

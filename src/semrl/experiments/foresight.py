@@ -26,13 +26,17 @@ Scores = dict[str, float | None]
 
 
 def worlds(reasoner: Reasoner, run: Trajectory) -> dict[str, WorldModel]:
-    """Return models of the world to be tested on a run: ``trained``, ``updated`` with it, from ``scratch`` with it."""
+    """Return models of the world to be tested on a run: ``trained``, ``updated`` with it, from ``scratch`` with it.
+
+    The reasoner is one that was loaded with its memory.
+    """
     config, shape = reasoner.config, (reasoner.dimension, reasoner.n_actions)
 
     def new(**changes: Any) -> WorldModel:
         return Reasoner(replace(config, **changes), *shape, seed=0).world
 
-    updated, scratch = new(), new()
+    at_once = replace(config.trees, new_decisions=1, new_share=0.0)  # an episode is little to what was lived before
+    updated, scratch = new(trees=at_once), new()
     updated.from_arrays(reasoner.world.to_arrays())
     models = {"trained": reasoner.world, "updated": updated, "scratch": scratch}
     if isinstance(scratch, ModelPair):

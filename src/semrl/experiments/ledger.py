@@ -18,7 +18,7 @@ from semrl.errors import SemrlError
 from semrl.experiments.sweep import RunSpec
 from semrl.experiments.trials import Outcome, Trial, outcome_of
 from semrl.runs import RunFolder
-from semrl.runs.files import write_text
+from semrl.runs.files import make_folder, write_text
 from semrl.runs.metrics import RUNNING_MEAN_EPISODES, read_metrics
 
 RUNS, TRIALS = "runs.csv", "trials.csv"
@@ -147,7 +147,7 @@ def read_table(path: Path, kind: type[Row]) -> list[Row]:
 
 def enter(folder: Path, score: Score, episodes: NDArray[np.float64], outcomes: Sequence[Outcome] = ()) -> None:
     """Write a finished run into the ledger of a folder; its row comes last, and says that all is there."""
-    (folder / "returns").mkdir(exist_ok=True)
+    make_folder(folder / "returns")
     lines = [f"{decisions:.0f},{total:g}\n" for decisions, total in episodes]
     write_text(folder / "returns" / f"{score.id}.csv", "decisions,return\n" + "".join(lines))
     _replace(folder / TRIALS, score.id, outcomes)

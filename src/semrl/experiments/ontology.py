@@ -88,8 +88,8 @@ def measure(settings: Settings, lab: Lab) -> Result:
             continue
         lab.say(f"next states, rewards and map of {spec.id}")
         try:
-            player = load_player(lab.run_folder(spec)).under(exploration=PROBING)
-            reasoner = player.require_map(spec.id)
+            player = load_player(lab.run_folder(spec), memory=True).under(exploration=PROBING)
+            reasoner = player.require_foresight(spec.id)
         except UsageError as error:
             notes.append(f"{spec.id} was not tested: {error}")
             continue

@@ -17,7 +17,7 @@ from semrl.experiments.ledger import Ledger, enter, score_of
 from semrl.experiments.sweep import RunSpec
 from semrl.runs import RunFolder
 from semrl.runs.config import to_dict, write_toml
-from semrl.runs.files import locked, write_text
+from semrl.runs.files import locked, make_folder, write_text
 from semrl.signals import handling
 
 POLL_SECONDS = 0.2
@@ -71,7 +71,7 @@ class Queue:
         waiting = [spec for spec in specs if ledger.score(spec) is None]
         if not waiting:
             return
-        (self.folder / "runs").mkdir(parents=True, exist_ok=True)
+        make_folder(self.folder / "runs")
         for spec in waiting:
             _check_begun(self._run(spec), spec)
         with (
@@ -167,4 +167,4 @@ def _check_begun(run: Path, spec: RunSpec) -> None:
 def _is_done(run: Path, spec: RunSpec) -> bool:
     """Whether a run is trained and tested."""
     trained = run.exists() and RunFolder.open(run).manifest()["status"] == "finished"
-    return trained and all(trial.path(run).exists() for trial in spec.trials)
+    return trained and all(trial.was_held(run) for trial in spec.trials)

@@ -4,7 +4,6 @@ import difflib
 import fnmatch
 import hashlib
 import importlib
-import os
 import pkgutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from semrl.experiments.ledger import read_ledger
 from semrl.experiments.queue import Queue
 from semrl.experiments.results import Result, Row, Section, read_result, rows_of, write_result, write_rows
 from semrl.experiments.sweep import RunSpec, cheapest_first
+from semrl.runs.files import make_folder
 from semrl.runs.session import limited_threads
 
 SHIPPED = Path(semrl.__file__).parents[2] / "docs" / "results"
@@ -99,7 +99,7 @@ def reproduce(
     order = order or Order()
     chosen = _chosen(names)
     specs = _wanted(chosen, scale, order)
-    _prepare(out)
+    make_folder(out)
     folders = [out, SHIPPED] if scale == SHIPPED_SCALE else [out]
     ledger = read_ledger(folders)
     with limited_threads(1):
@@ -140,15 +140,6 @@ def _wanted(chosen: Sequence[Experiment], scale: Scale, order: Order) -> list[Ru
             )
     wanted = [spec for id_, spec in specs.items() if not order.only or any(fnmatch.fnmatch(id_, p) for p in order.only)]
     return cheapest_first(wanted) if order.order == "cheapest" else wanted
-
-
-def _prepare(out: Path) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UsageError(f"cannot make the folder {out}: {error.strerror}") from None
-    if not os.access(out, os.W_OK):
-        raise UsageError(f"nothing may be written to {out}")
 
 
 def _result(experiment: Experiment, lab: Lab, folders: Sequence[Path]) -> None:

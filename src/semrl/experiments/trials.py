@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from semrl.errors import SemrlError
-from semrl.runs.evaluation import evaluate, result_path
+from semrl.runs import RunFolder
+from semrl.runs.evaluation import EVALUATION_SEED, evaluate, result_path
 from semrl.runs.player import Policy
 
 
@@ -29,6 +30,19 @@ class Trial:
     def path(self, run: Path) -> Path:
         """Return where its result is, or would be."""
         return result_path(run, policy=self.policy, sticky_actions=self.sticky_actions, at=self.at)
+
+    def was_held(self, run: Path) -> bool:
+        """Tell whether its result is there; one of somebody's shorter games, or with another seed, is not."""
+        config = RunFolder.open(run).config()
+        decisions = config.frames // config.environment.frame_skip if self.at is None else self.at
+        wanted = {"decisions": decisions, "seed": config.seed + EVALUATION_SEED, "episodes": self.episodes}
+        try:
+            told = json.loads(self.path(run).read_text())["with"]
+            return bool(wanted.items() <= told.items())
+        except FileNotFoundError:
+            return False
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise _damaged(self.path(run), error) from None
 
     def hold(self, run: Path) -> None:
         """Play."""
@@ -76,4 +90,8 @@ def outcome_of(trial: Trial, run: Path, *, id_: str, frames: int) -> Outcome:
         numbers = {name: told[name] for name in ("episodes", "mean", "max", "min", "std")}
         return Outcome(id=id_, frames=frames, trial=trial.name, different=len(set(told["lengths"])), **numbers)
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise SemrlError(f"{path} is damaged: {error!r}; delete it to play again") from None
+        raise _damaged(path, error) from None
+
+
+def _damaged(path: Path, error: Exception) -> SemrlError:
+    return SemrlError(f"{path} is damaged: {error!r}; delete it to play again")

@@ -29,7 +29,7 @@ def main(argv: Sequence[str]) -> int:
         else:
             train(run, from_dict(read_toml(config), source=str(config)))
         for trial in trials:
-            if not trial.path(run).exists():
+            if not trial.was_held(run):
                 trial.hold(run)
     except SemrlError as error:
         print(f"{error}", file=sys.stderr)

@@ -138,8 +138,9 @@ class TreeWorld:
         unit, c = np.float32(self.config.resolution), self.config
         window = np.rint(moment.window(c.past_states)[:, self.varying_] / unit)
         past = self.inertia_, window, moment.recent(c.past_actions)
-        foreseen, rewards, values = self.forests.roll(*past, sequences, slice(c.screening or None))
-        if 0 < c.screening < c.members and len(sequences) >= _FEWEST_SCREENED:
+        screened = 0 < c.screening < c.members and len(sequences) >= _FEWEST_SCREENED
+        foreseen, rewards, values = self.forests.roll(*past, sequences, slice(c.screening if screened else None))
+        if screened:
             means = self._returns(rewards, values).mean(axis=0)
             best = np.sort(np.argsort(-means, kind="stable")[: len(sequences) // 4])
             sequences = sequences[best]

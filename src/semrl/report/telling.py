@@ -126,7 +126,7 @@ def told(part: Told) -> str:
     if part.part == "actions":
         return compact(part.names)
     if part.names:
-        return named(zip(part.names, part.numbers, strict=True))
+        return named(zip(part.names, part.numbers, strict=False))  # empty slots at the end have no names
     return signed(part.numbers[0]) if len(part.numbers) == 1 else f"a vector of {len(part.numbers)} numbers"
 
 

@@ -124,7 +124,7 @@ def preset(name: str, model: str | None = None, overrides: Mapping[str, Any] | N
     special = values.pop("models", {})
     overrides = dict(overrides or {})
     chosen = model or overrides.get("model") or values.get("model", RunConfig().model)
-    if chosen not in MODELS:
+    if not isinstance(chosen, str) or chosen not in MODELS:
         raise UsageError(f"unknown model '{chosen}'; there are {', '.join(MODELS)}")
     layers = (values, special.get(chosen, {}), overrides, {"model": chosen})
     merged: dict[str, Any] = {}

@@ -82,7 +82,7 @@ def evaluate(
     if player.perceiving:
         raise UsageError(f"{run} has not learned to see yet, so there is no agent to play with: it needs more frames")
     if policy == "planner":
-        player.require_map(run)
+        player.require_foresight(run)
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
     games: list[tuple[float, int]] = []
     with limited_threads(player.config.threads):

@@ -49,7 +49,7 @@ def explain(
     if min(episode, step, seed or 0) < 0:
         raise UsageError(f"episode, step and seed must be 0 or more, not {episode}, {step} and {seed}")
     player = load_player(run)
-    reasoner = player.require_map(run)
+    reasoner = player.require_foresight(run)
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
     with limited_threads(player.config.threads):
         steps = player.episode(episode, seed, policy)
@@ -100,7 +100,7 @@ class _Played:
 
 def _played(player: Player, steps: Iterable[Step], first: int, what: str) -> _Played:
     """Play up to a decision, and so far beyond it that one knows whether the episode ends there."""
-    reasoner = player.require_map(what)
+    reasoner = player.require_foresight(what)
     kept: list[Step] = []
     for number, step in enumerate(steps):
         if number >= first:

@@ -54,6 +54,22 @@ def require_writable(path: Path) -> None:
         raise UsageError(f"cannot write {path}: nothing may be written to {path.parent}")
 
 
+def make_folder(path: Path) -> None:
+    """Make a folder, if it is not there, and those above it.
+
+    Raises
+    ------
+    UsageError
+        When it cannot be made, or nothing may be written to it.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"cannot make the folder {path}: {error.strerror}") from None
+    if not os.access(path, os.W_OK):
+        raise UsageError(f"nothing may be written to {path}")
+
+
 @contextlib.contextmanager
 def locked(path: Path, busy: str) -> Iterator[None]:
     """Keep other processes out by a lock on a file; it ends with the process, however that ends.
@@ -61,8 +77,9 @@ def locked(path: Path, busy: str) -> Iterator[None]:
     Raises
     ------
     UsageError
-        With the message `busy`, when another process has the lock.
+        With the message `busy`, when another process has the lock; or when nothing may be written there.
     """
+    require_writable(path)
     with path.open("w") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

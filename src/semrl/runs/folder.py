@@ -13,7 +13,7 @@ from typing import Any, Self
 from semrl.arrays import Arrays, array_to_json, json_to_array
 from semrl.errors import SemrlError, UsageError
 from semrl.runs.config import RunConfig, from_dict, read_toml, write_toml
-from semrl.runs.files import locked, read_arrays, write_arrays, write_text
+from semrl.runs.files import locked, make_folder, read_arrays, write_arrays, write_text
 
 FORMAT = 1
 """Number of the layout of run folders; raised when older ones can no longer be read."""
@@ -137,7 +137,7 @@ class RunFolder:
 
     def save_milestone(self, checkpoint: Checkpoint) -> None:
         """Keep what is needed to play, for good."""
-        (self.path / "milestones").mkdir(exist_ok=True)
+        make_folder(self.path / "milestones")
         playable = replace(checkpoint, arrays=weights(checkpoint.arrays))
         _write(self.path / "milestones" / _file_name(checkpoint), playable)
 

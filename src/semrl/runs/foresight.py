@@ -85,7 +85,7 @@ def foresight(
     if decisions < 1:
         raise UsageError(f"decisions must be 1 or more, not {decisions}")
     player = load_player(run).under(exploration=PROBING)
-    world = player.require_map(run).world
+    world = player.require_foresight(run).world
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
     facts: Spans = {horizon: [] for horizon in HORIZONS}
     confusion = np.zeros((3, 3), np.int64)

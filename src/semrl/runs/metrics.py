@@ -3,6 +3,7 @@
 import contextlib
 import csv
 import io
+import os
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -37,10 +38,17 @@ class MetricsFile:
         Rows to keep of what is there: those that the checkpoint knew. Later ones will be written again.
     seconds
         Wall-clock time that the run has already taken.
+
+    Raises
+    ------
+    SemrlError
+        When fewer rows are there, or it cannot be written.
     """
 
     def __init__(self, path: Path, *, n_rows: int = 0, seconds: float = 0.0) -> None:
         kept = read_metrics(path)[:n_rows]
+        if len(kept) < n_rows:
+            raise SemrlError(f"{path} is damaged: it has {len(kept)} rows, where the checkpoint knows of {n_rows}")
         text = io.StringIO()
         writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
         writer.writeheader()
@@ -71,7 +79,7 @@ class MetricsFile:
         self.n_rows += 1
 
     def flush(self) -> None:
-        """Hand everything to the operating system.
+        """Make everything last, before a checkpoint says that it is there.
 
         Raises
         ------
@@ -80,6 +88,7 @@ class MetricsFile:
         """
         with self._told():
             self._file.flush()
+            os.fsync(self._file.fileno())
 
     def close(self) -> None:
         """Close the file, whatever becomes of rows that no checkpoint knows of."""

@@ -12,7 +12,7 @@ from semrl.agent import DQN
 from semrl.arrays import unnest
 from semrl.errors import SemrlError, UsageError
 from semrl.pipeline import Pipeline
-from semrl.reasoning import Reasoner, Thought
+from semrl.reasoning import MAP_MODELS, Reasoner, Thought
 from semrl.runs.config import RunConfig
 from semrl.runs.folder import PLAYABLE, RunFolder
 from semrl.runs.session import build_trainer
@@ -123,13 +123,25 @@ class Player:
             When the model has no map, or the first episode is not over yet; the message names the run.
         """
         if self.reasoner is None:
-            raise UsageError(
-                f"{run} is of model '{self.config.model}', which has no map; "
-                "train one with --model ram-map or --model semantic-map"
-            )
+            models = " or ".join(f"--model {model}" for model in MAP_MODELS)
+            raise UsageError(f"{run} is of model '{self.config.model}', which has no map; train one with {models}")
         if not len(self.reasoner.state_map.graph_):
             raise UsageError(f"the map of {run} is still empty: it is drawn after the agent's first episode")
         return self.reasoner
+
+    def require_foresight(self, run: str | Path) -> Reasoner:
+        """Return the reasoner.
+
+        Raises
+        ------
+        UsageError
+            When there is no map, or its models of the world have not learned enough to foresee; the message names the
+            run.
+        """
+        reasoner = self.require_map(run)
+        if not reasoner.world.is_fitted:
+            raise UsageError(f"{run} cannot foresee anything yet, so there are no plans: it needs more frames")
+        return reasoner
 
 
 def load_pipeline(run: str | Path) -> Pipeline:
@@ -143,11 +155,14 @@ def load_pipeline(run: str | Path) -> Pipeline:
     return load_player(run).pipeline
 
 
-def load_player(run: str | Path, at: int | None = None) -> Player:
-    """Return the agent and the perception of a run, as of its newest checkpoint or of a milestone."""
+def load_player(run: str | Path, at: int | None = None, *, memory: bool = False) -> Player:
+    """Return the agent and the perception of a run, as of its newest checkpoint or of a milestone.
+
+    With `memory` its map and models can go on learning: what they remember is loaded as well.
+    """
     folder = RunFolder.open(Path(run))
     config = folder.config()
-    checkpoint = folder.load(prefixes=PLAYABLE, at=at)
+    checkpoint = folder.load(prefixes=(*PLAYABLE, *(("reasoner/",) if memory else ())), at=at)
     if checkpoint is None:
         raise UsageError(f"{run} has no checkpoint yet; go on with: semrl train --run {run} --resume")
     trainer = build_trainer(replace(config, agent=replace(config.agent, replay_capacity=config.agent.n_steps + 1)))
@@ -155,7 +170,8 @@ def load_player(run: str | Path, at: int | None = None) -> Player:
         trainer.pipeline.from_arrays(unnest(checkpoint.arrays, "pipeline"))
         trainer.agent.load_network(unnest(checkpoint.arrays, "agent/network"))
         if trainer.reasoner:
-            trainer.reasoner.load(unnest(checkpoint.arrays, "reasoner"))
+            learned = unnest(checkpoint.arrays, "reasoner")
+            (trainer.reasoner.from_arrays if memory else trainer.reasoner.load)(learned)
     except (KeyError, ValueError, RuntimeError) as error:
         raise SemrlError(f"the checkpoint of {run} does not fit its configuration ({error})") from error
     position = checkpoint.arrays.get("schooling/position")

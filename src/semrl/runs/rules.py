@@ -23,14 +23,12 @@ def load_rules(run: str | Path, *, most: int = MOST) -> list[Rule]:
         When there is no such run, or its model of the world is not made of trees.
     """
     player = load_player(run)
-    world = player.require_map(run).world
+    world = player.require_foresight(run).world
     if not isinstance(world, TreeWorld):
         raise UsageError(
             f"{run} foresees by networks, which have no rules to read; "
             "ask a run of model ram-map, or one trained with --reasoning.world trees"
         )
-    if not world.is_fitted:
-        raise UsageError(f"{run} has not learned any rules yet: it needs more frames")
     return rules_of(player, most=most)
 
 

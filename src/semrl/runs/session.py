@@ -235,8 +235,8 @@ def _check_weights(arrays: Arrays) -> None:
     """Keep weights that are not numbers out of the checkpoints: the last good one stays."""
     settings = {
         "agent/network": "--agent.learning-rate",
-        "reasoner/next_state/network/layers": "--reasoning.next-state.learning-rate",
-        "reasoner/reward/network/layers": "--reasoning.reward.learning-rate",
+        "reasoner/world/next_state/network/layers": "--reasoning.models.next-state.learning-rate",
+        "reasoner/world/reward/network/layers": "--reasoning.models.reward.learning-rate",
     }
     for part, setting in settings.items():
         if not all(np.isfinite(value).all() for value in unnest(arrays, part).values()):

@@ -119,7 +119,7 @@ def make_env(env_id: str = "PongNoFrameskip-v4", config: EnvironmentConfig | Non
     _check_spaces(env_id, env)
     if config.max_noops and NOOP in action_meanings(env):
         env = NoopStart(env, config.max_noops)
-    return _choose_actions(env_id, env, config.actions)
+    return choose_actions(env, config.actions)
 
 
 def _make_base(env_id: str, config: EnvironmentConfig) -> Env:
@@ -160,12 +160,19 @@ def _check_spaces(env_id: str, env: Env) -> None:
         raise UsageError(f"{env_id} has actions {env.action_space}; only discrete ones can be learned")
 
 
-def _choose_actions(env_id: str, env: Env, names: Sequence[str]) -> Env:
-    """Keep only the named actions, renumbered from 0."""
+def choose_actions(env: Env, names: Sequence[str] = ()) -> Env:
+    """Keep only the named actions, or what is known to be enough, renumbered from 0.
+
+    Raises
+    ------
+    UsageError
+        When there is no such action.
+    """
     meanings = action_meanings(env)
     names = played_actions(env, names)
     unknown = [name for name in names if name not in meanings]
     if unknown:
-        raise UsageError(f"{env_id} has no action {', '.join(unknown)}; it has {', '.join(meanings)}")
+        game = env.spec.id if env.spec else env
+        raise UsageError(f"{game} has no action {', '.join(unknown)}; it has {', '.join(meanings)}")
     chosen = [meanings.index(name) for name in names]
     return TransformAction(env, lambda action: chosen[int(action)], gym.spaces.Discrete(len(chosen)))
