@@ -1,5 +1,7 @@
 """What a model foresees of new play is counted as it should be (§4.2)."""
 
+import json
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -7,7 +9,7 @@ import pytest
 from sklearn.metrics import balanced_accuracy_score, r2_score
 
 from semrl.errors import UsageError
-from semrl.runs import load_player
+from semrl.runs import RunFolder, load_player, train
 from semrl.runs.evaluation import EVALUATION_SEED, PROBING
 from semrl.runs.foresight import balanced_accuracy, foresight
 
@@ -45,6 +47,18 @@ def test_where_objects_are_foreseen_so_are_the_vectors_of_their_scenes(tracked_r
         r2_score(came, foreseen, multioutput="variance_weighted"), abs=1e-6
     )
     assert told.explained_vectors.keys() == told.explained.keys()
+
+
+def test_a_milestone_foresees_as_it_did_then(tmp_path, tracked_run):
+    config = RunFolder.open(tracked_run).config()
+    run = tmp_path / "run"
+    train(run, replace(config, milestones=(200,)))
+    now, then = foresight(run, decisions=60), foresight(run, decisions=60, at=200)
+    assert {path.name for path in run.glob("foresight*")} == {"foresight.json", "foresight-at-200.json"}
+    assert json.loads((run / "foresight-at-200.json").read_text())["with"]["learned_from"] == 200
+    assert now != then
+    with pytest.raises(UsageError, match="has no milestone of decision 100"):
+        foresight(run, at=100)
 
 
 def test_kinds_that_never_came_do_not_count():

@@ -33,6 +33,8 @@ class ForeseeArguments:
     """Of the episodes [default: one that training did not use]."""
     policy: Policy = "agent"
     """Who plays."""
+    at: int | None = None
+    """Test the model as it was after so many decisions: one of the run's milestones [default: as it is now]."""
     json: bool = False
     """Print one JSON object as the only line of standard output."""
 
@@ -54,6 +56,7 @@ def main(argv: Sequence[str]) -> None:
             decisions=arguments.decisions,
             seed=arguments.seed,
             policy=arguments.policy,
+            at=arguments.at,
             on_step=on_step,
         )
     if arguments.json:

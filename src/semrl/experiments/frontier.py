@@ -98,7 +98,7 @@ def measure(race: Race, lab: Lab) -> Result:
             values |= {f"{id_}/at-{at}": mean for at, mean in way.items()}
             curves.append(_curve(f"{model}, {policy}", way, race.decisions, values[f"{id_}/mean"]))
     missing = [spec.id for spec in race.runs() if not lab.ledger.score(spec)]
-    ready = [view for view in VIEWS if not missing or result_path(view, lab.folder).exists()]
+    ready = [view for view in VIEWS if not missing or result_path(view, race.match, lab.folder).exists()]
     rivals, notes = _rivals(ready, race.match, lab)
     if missing:
         notes.append(f"not finished yet: {', '.join(missing)}; then Stable-Baselines3's DQN competes")

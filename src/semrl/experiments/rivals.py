@@ -11,7 +11,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from semrl.errors import MissingExtraError
+from semrl.errors import MissingExtraError, SemrlError
 from semrl.experiments.ledger import deviation
 from semrl.runs.evaluation import EVALUATION_SEED
 from semrl.runs.files import write_text
@@ -31,6 +31,10 @@ SETTINGS: Mapping[View, Mapping[str, Any]] = {
 }  # fmt: skip
 """On pixels the values that its authors tuned for Atari games of 10,000,000 frames; on the RAM its defaults, but for
 a target network that is renewed as often."""
+
+
+NUMBERS = ("mean", "std", "sticky", "minutes")
+"""What is kept of a match."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,16 +100,17 @@ def compete(view: View, match: Match, folder: Path) -> dict[str, float]:
     ------
     MissingExtraError
         When it is not installed.
+    SemrlError
+        When its file is damaged.
     """
     try:
         from stable_baselines3 import DQN
         from stable_baselines3.common.evaluation import evaluate_policy
     except ImportError:
         raise MissingExtraError("sb3", "the comparison with Stable-Baselines3") from None
-    path = result_path(view, folder)
+    path = result_path(view, match, folder)
     if path.exists():
-        told: dict[str, float] = json.loads(path.read_text())
-        return told
+        return _read(path)
     began = time.perf_counter()
     agent = DQN(env=see(view, match), learning_starts=match.learning_starts, seed=0, device="cpu", **SETTINGS[view])
     agent.learn(match.decisions)
@@ -123,9 +128,17 @@ def compete(view: View, match: Match, folder: Path) -> dict[str, float]:
     return told
 
 
-def result_path(view: View, folder: Path) -> Path:
+def result_path(view: View, match: Match, folder: Path) -> Path:
     """Return the file in which `compete` keeps its numbers."""
-    return folder / f"sb3-{view}.json"
+    return folder / f"sb3-{view}-{match.decisions}.json"
+
+
+def _read(path: Path) -> dict[str, float]:
+    try:
+        told = json.loads(path.read_text())
+        return {name: float(told[name]) for name in NUMBERS}
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise SemrlError(f"{path} is damaged: {error!r}; delete it to play again") from None
 
 
 def see(view: View, match: Match, config: EnvironmentConfig | None = None) -> Env:

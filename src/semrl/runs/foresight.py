@@ -21,7 +21,7 @@ from semrl.types import Floats
 HORIZONS = (1, 2, 5, 10, 20)
 
 FILE = "foresight.json"
-"""Where it is written, in the folder of a run."""
+"""Where it is written, in the folder of a run; of a milestone, into ``foresight-at-DECISIONS.json``."""
 
 Spans = dict[int, list[tuple[Floats, Floats]]]
 """Horizon → states foreseen and states that came."""
@@ -58,6 +58,7 @@ def foresight(
     decisions: int = 10_000,
     seed: int | None = None,
     policy: Policy = "agent",
+    at: int | None = None,
     on_step: Callable[[Step], None] = lambda _: None,
 ) -> Quality:
     """Play new episodes, compare what came with what the run's model foresaw, and write it into the run's folder.
@@ -74,17 +75,19 @@ def foresight(
         Of the episodes; when None, one that training did not use.
     policy
         Who plays.
+    at
+        Decisions after which the model is tested: one of the run's milestones; as it is now when None.
     on_step
         Is told every decision.
 
     Raises
     ------
     UsageError
-        When there is no such run or it has no map.
+        When there is no such run or milestone, or nothing that could foresee.
     """
     if decisions < 1:
         raise UsageError(f"decisions must be 1 or more, not {decisions}")
-    player = load_player(run).under(exploration=PROBING)
+    player = load_player(run, at).under(exploration=PROBING)
     world = player.require_foresight(run).world
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
     facts: Spans = {horizon: [] for horizon in HORIZONS}
@@ -101,7 +104,8 @@ def foresight(
         balanced_accuracy=balanced_accuracy(confusion),
     )
     provenance = {"learned_from": player.decisions, "seed": seed, "policy": policy, "exploration": PROBING}
-    write_text(Path(run) / FILE, json.dumps(asdict(quality) | {"with": provenance}, indent=2) + "\n")
+    path = Path(run) / (FILE if at is None else f"foresight-at-{at}.json")
+    write_text(path, json.dumps(asdict(quality) | {"with": provenance}, indent=2) + "\n")
     return quality
 
 
