@@ -1,12 +1,10 @@
 """What a box of the architecture must offer, so that any part can be exchanged for another."""
 
 from collections.abc import Sequence
-from typing import Any, Protocol, Self, runtime_checkable
-
-from numpy.typing import NDArray
+from typing import Protocol, Self, runtime_checkable
 
 from semrl.arrays import Arrays
-from semrl.types import Floats, Image, Ints, Moment, Objects, Scenarios, SceneGraph, Trajectory, Transitions
+from semrl.types import Floats, Ints, Moment, Scenarios, SceneGraph, Trajectory, Transitions
 
 
 @runtime_checkable
@@ -19,42 +17,6 @@ class Persistent(Protocol):
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Take over what `to_arrays` of an equally configured component returned."""
-        ...
-
-
-class Detector(Persistent, Protocol):
-    """Finds the objects of an image (§3.2.1)."""
-
-    def partial_fit(self, image: Image) -> Self:
-        """Learn from one preprocessed image, ``(84, 84)`` uint8."""
-        ...
-
-    def detect(self, image: Image) -> Objects:
-        """Return the objects of one preprocessed image."""
-        ...
-
-
-class Transformer(Persistent, Protocol):
-    """Lowers the dimension of objects (§3.2.2)."""
-
-    def partial_fit(self, X: NDArray[Any]) -> Self:
-        """Learn from ``(n, d)`` rows."""
-        ...
-
-    def transform(self, X: NDArray[Any]) -> Floats:
-        """Map ``(n, d)`` rows to ``(n, k)``; learns nothing."""
-        ...
-
-
-class Clusterer(Persistent, Protocol):
-    """Groups objects into kinds (§3.2.2)."""
-
-    def partial_fit(self, X: NDArray[Any]) -> Self:
-        """Learn from ``(n, k)`` rows."""
-        ...
-
-    def predict(self, X: NDArray[Any]) -> Ints:
-        """Return the class number of each of ``(n, k)`` rows; learns nothing."""
         ...
 
 

@@ -30,7 +30,7 @@ class TrainArguments:
     resume: bool = False
     """Go on with the run in --run where its last checkpoint stands."""
     preset: str = "semrl"
-    """Named settings: 'semrl' is what learns best, 'thesis' is the thesis to the letter."""
+    """Named settings: 'semrl' is what learns best, 'thesis' has the thesis's values."""
     config_file: Annotated[Path | None, tyro.conf.arg(name="config")] = None
     """TOML file of settings, on top of the preset and below the flags."""
     tensorboard: bool = False

@@ -116,7 +116,7 @@ def read_rules(
 def sentence(rule: Rule) -> str:
     """Say a rule: what changes, when, and in how many decisions it was seen."""
     when = f", if {' and '.join(rule.conditions)}" if rule.conditions else ", always"
-    within = "exactly" if rule.error < 0.005 else f"± {rule.error:.2g}"
+    within = "exactly" if rule.error == 0 else f"± {rule.error:.2g}"
     return f"{rule.value:+.3g}{when}  ({rule.decisions:,} decisions, {within})"
 
 

@@ -52,7 +52,7 @@ class RunConfig:
     """Everything that decides the result of a run; the defaults are the thesis's."""
 
     model: Model = "semantic"
-    """What the agent sees: one of the models of Table 4.1."""
+    """What the agent sees: one of the models of the thesis's Table 4.1, or what is tracked (objects, objects-map)."""
     env: str = "PongNoFrameskip-v4"
     """Gymnasium environment whose observations are RGB frames."""
     frames: int = 2_000_000

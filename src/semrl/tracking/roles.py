@@ -35,7 +35,7 @@ class RolesConfig:
     frames: int = 500
     """Frames of random play in which roles are learned."""
     slots: int = 8
-    """Most roles that an agent is told of: those seen most."""
+    """Most roles that an agent is told of: what it controls, then those seen most."""
 
     def __post_init__(self) -> None:
         if self.frames < 1 or self.slots < 1:
