@@ -117,7 +117,8 @@ def sentence(rule: Rule) -> str:
     """Say a rule: what changes, when, and in how many decisions it was seen."""
     when = f", if {' and '.join(rule.conditions)}" if rule.conditions else ", always"
     within = "exactly" if rule.error == 0 else f"± {rule.error:.2g}"
-    return f"{rule.value:+.3g}{when}  ({rule.decisions:,} decisions, {within})"
+    value = round(rule.value, 3) + 0.0  # never −0
+    return f"{value:+.3g}{when}  ({rule.decisions:,} decisions, {within})"
 
 
 def _pruned(tree: Tree, most: int) -> set[int]:

@@ -110,7 +110,7 @@ def _links(hops: Iterable[Hop]) -> str:
 
 def doubt(scenario: Foresight) -> str:
     """Say how far the models differ about a scenario."""
-    return "" if scenario.doubt is None else f"± {scenario.doubt:.2g}"
+    return "" if scenario.doubt is None else f"± {round(scenario.doubt, 4):.2g}"
 
 
 def ending(e: Explanation, scenario: Foresight) -> str:
