@@ -178,7 +178,9 @@ def test_a_run_with_a_map_tells_how_far_it_sees_ahead(tmp_path):
     told["confusion"] = [[7, 1, 0], [2, 2300, 3], [0, 4, 28]]
     write_text(run / "foresight.json", json.dumps(told))
     tested = words(run)
-    assert "on 2,345 decisions" in tested and "7 of 8 losses and 28 of 32 gains, with 5 false alarms" in tested
+    assert "on 2,345 decisions" in tested
+    for name, told in (("losses foreseen", "7 of 8"), ("gains foreseen", "28 of 32"), ("false alarms", "5")):
+        assert f'<th scope="row">{name}</th><td>{told}</td>' in tested
     assert f"semrl rules {run}" in tested and "Share of the variance of the states" in page_of(run)[0]
 
 

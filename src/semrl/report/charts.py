@@ -13,6 +13,13 @@ RUN_COLOURS = ("#2f7fd8", "#d9822b", "#2c9c69", "#c9484b", "#8a63c9", "#1f9aa3",
 """A colour for each run, readable on white and on near-black; more runs begin again."""
 
 
+FEW = 10
+"""Points up to which each is marked: a line of one point is nothing to see."""
+
+HEADROOM = 1.15
+"""Of the axis above a goal, for its label."""
+
+
 def learning_curve(runs: Sequence[tuple[str, Series]], *, wide: bool) -> Markup:
     """Draw the return of each episode and its running mean over decisions, one colour a run.
 
@@ -39,13 +46,16 @@ def stability_path(values: Series, *, goal: float, ylabel: str, title: str) -> M
     """Draw the value of a stability test at each batch, with its goal as a line (Figs. 4.1 and 4.2)."""
     with mpl.rc_context(STYLE):
         figure, axes = new_figure((360, 240))
-        axes.plot(values.x, values.y, color=RUN_COLOURS[0], linewidth=1.6)
+        axes.plot(
+            values.x, values.y, "o-" if len(values) < FEW else "-", color=RUN_COLOURS[0], linewidth=1.6, markersize=5
+        )
         axes.axhline(goal, color=RUN_COLOURS[3], linewidth=1.2, dashes=(4, 3))
         axes.annotate(
             f"goal {goal:g}", (0, goal), xycoords=("axes fraction", "data"), xytext=(4, 4),
             textcoords="offset points", ha="left", color=RUN_COLOURS[3], fontsize=11,
         )  # fmt: skip
-        axes.set_ylim(bottom=min(0, *axes.get_ylim()))
+        bottom, top = axes.get_ylim()
+        axes.set_ylim(min(0, bottom), max(top, HEADROOM * goal))
         label_axes(axes, "batches", ylabel)
         return as_svg(figure, title)
 
