@@ -18,7 +18,9 @@ class DQNConfig:
     exploration_min: float = 0.01
     """Probability of a random action at the end; the decay is exponential."""
     final_exploration: float = 1.0
-    """What is left of it at the end of the budget, as a share; it falls evenly through the second half."""
+    """What is left of it at the end of the budget, as a share; it falls evenly through the second half.
+
+    The agent's own decisions are held against the whole budget: after perception it has not all of it to fall."""
     heads: int = 1
     """Estimates of the values side by side (bootstrapped DQN, Osband et al. 2016); one at a time is followed."""
     head_decisions: int = 100
@@ -26,7 +28,7 @@ class DQNConfig:
     learning_rate: float = 1e-4
     """Step size of Adam."""
     final_learning_rate: float = 1.0
-    """What is left of it at the end of the budget, as a share; it falls evenly through the second half."""
+    """What is left of it at the end of the budget, as a share; it falls as exploration does."""
     adam_beta1: float = 0.99
     """Adam's memory of gradients."""
     adam_beta2: float = 0.999
