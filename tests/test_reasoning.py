@@ -415,3 +415,21 @@ def test_trees_cannot_look_back_farther_than_is_remembered():
     for name in ("past_states", "past_actions"):
         with pytest.raises(UsageError, match="may be 16 at most"):
             dataclasses.replace(TREES, trees=dataclasses.replace(TREES.trees, **{name: 17}))
+
+
+def test_the_curious_seek_what_others_avoid():
+    """Of two scenarios that promise the same, the forests disagree about one."""
+    reasoner = new(dataclasses.replace(TREES, caution=1.0, curiosity=2.0))
+    reasoner.learn(random_trajectory(0))
+    imagined = reasoner.world.imagine
+
+    def doubtful(moment, sequences):
+        told = imagined(moment, sequences)
+        doubts = (np.arange(len(told)) == 1).astype(np.float32)
+        return dataclasses.replace(told, rewards=0 * told.rewards, values=0 * told.values, doubts=doubts)
+
+    reasoner.world.imagine = doubtful
+    moment = Moment(states=np.zeros((1, D), np.float32), actions=np.zeros(0, np.int64), number=0)
+    for curious, returns in ((False, (0, -1)), (True, (1, 0))):
+        plan = reasoner.plan(moment, curious=curious)
+        assert (plan.returns[0], plan.returns[-1]) == returns

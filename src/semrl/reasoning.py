@@ -54,14 +54,17 @@ class ReasoningConfig:
     """What a predicted reward counts one decision later."""
     caution: float = 0.0
     """What the doubt about a scenario's return, the forests' standard deviation, counts against it."""
+    curiosity: float = 0.0
+    """How much less it counts in training episodes that the planner plays; above `caution` it seeks what is doubted."""
     planner_every: int = 0
     """Of the training episodes so many in a row, one is played by the planner, from which all parts learn; 0: none."""
     goal: GoalConfig = field(default_factory=GoalConfig)
     """What the agent is told of the plan."""
 
     def __post_init__(self) -> None:
-        if not (self.planner_every >= 0 and 0 <= self.velocity_weight < np.inf and 0 <= self.caution < np.inf):
-            raise UsageError("reasoning.planner_every, velocity_weight and caution must be 0 or more")
+        for name in ("planner_every", "velocity_weight", "caution", "curiosity"):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise UsageError(f"reasoning.{name} must be 0 or more, not {getattr(self, name)}")
         if max(self.trees.past_states, self.trees.past_actions) > MEMORY_DECISIONS:
             raise UsageError(f"trees.past_states and past_actions may be {MEMORY_DECISIONS} at most")
         if not 0 < self.discount <= 1:
@@ -118,8 +121,8 @@ class Reasoner:
         """What the newest plan of this episode would do now; None where there is none."""
         return int(self._proposed[0]) if len(self._proposed) else None
 
-    def plan(self, moment: Moment) -> Plan | None:
-        """Plan from a moment; None before anything was learned."""
+    def plan(self, moment: Moment, *, curious: bool = False) -> Plan | None:
+        """Plan from a moment, to learn or to win; None before anything was learned."""
         if not self.world.is_fitted:
             return None
         sequences = action_sequences(
@@ -135,7 +138,7 @@ class Reasoner:
             self.state_map,
             self.routes,
             discount=self.config.discount,
-            caution=self.config.caution,
+            caution=self.config.caution - (self.config.curiosity if curious else 0.0),
         )
 
     def leads(self, episode: int) -> bool:
@@ -154,10 +157,10 @@ class Reasoner:
             return np.zeros(self.goal_size, np.float32)
         return ground(plan, self.config.goal, n_actions=self.n_actions)
 
-    def think(self, encoded: Floats) -> tuple[Floats, Thought]:
-        """Plan from what was encoded, and put the goal behind it: what the agent sees (§3.4.4)."""
+    def think(self, encoded: Floats, *, curious: bool = False) -> tuple[Floats, Thought]:
+        """Plan from what was encoded, to learn or to win; put the goal behind it: what the agent sees (§3.4.4)."""
         moment = self._episode.moment(encoded[self.facts], MEMORY_DECISIONS, self._proposed[1:])
-        plan = self.plan(moment)
+        plan = self.plan(moment, curious=curious)
         self._proposed = np.zeros(0, np.int64) if plan is None else plan.actions.copy()
         return np.concatenate([encoded, self.goal(plan)]), Thought(moment=moment, plan=plan)
 

@@ -140,18 +140,18 @@ class Trainer:
     def _begin(self) -> "_Episode":
         observation = self.game.reset()
         self.pipeline.begin_episode()
-        seen = None if self.perceiving else self._see(observation)
         planned = self.reasoner is not None and self.reasoner.leads(self.episodes_)
+        seen = None if self.perceiving else self._see(observation, curious=planned)
         return _Episode(observation, None if seen is None else np.stack([seen, seen]), planned=planned)
 
-    def _see(self, observation: Observation, *, learn: bool = False) -> NDArray[Any]:
+    def _see(self, observation: Observation, *, curious: bool, learn: bool = False) -> NDArray[Any]:
         """Return what the agent is shown: the state and, where there is a map, the goal; learn from a reward first."""
         encoded = self.pipeline.encode(observation)
         if self.reasoner is None:
             return encoded
         if learn:
             self.reasoner.revise(encoded)
-        return self.reasoner.think(encoded)[0]
+        return self.reasoner.think(encoded, curious=curious)[0]
 
     def _perceive(self, episode: "_Episode") -> None:
         """Show perception one frame and act at random."""
@@ -181,7 +181,7 @@ class Trainer:
         )
         if self.reasoner:
             self.reasoner.observe(episode.state[0], action, outcome.reward)
-        seen = self._see(outcome.observation, learn=outcome.reward != 0)
+        seen = self._see(outcome.observation, curious=episode.planned, learn=outcome.reward != 0)
         episode.advance(outcome.observation, seen, outcome.reward)
         if outcome.done:
             self.agent.end_episode(seen)
