@@ -25,4 +25,5 @@ class MissingExtraError(UsageError, ImportError):
     """
 
     def __init__(self, extra: str, purpose: str) -> None:
+        self.extra = extra
         super().__init__(f"the extra '{extra}' is needed for {purpose}: pip install 'semrl[{extra}]'")

@@ -1,6 +1,7 @@
 import contextlib
 import io
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -9,9 +10,9 @@ from scipy.stats import trim_mean
 from semrl.cli import main
 from semrl.experiments import reproduction
 from semrl.experiments.base import Lab
-from semrl.experiments.ledger import Ledger
+from semrl.experiments.ledger import Ledger, read_ledger
 from semrl.experiments.reproduction import discover
-from semrl.experiments.results import rows_of
+from semrl.experiments.results import Result, rows_of, write_result
 from semrl.experiments.scores import SWEEPS, interquartile_mean
 from semrl.runs import evaluate, train
 
@@ -155,3 +156,22 @@ def test_without_runs_there_is_no_number(tmp_path):
     result = scores.measure(scores.settings["tiny"], lab)
     assert not result.values
     assert not result.figures
+
+
+def test_what_lacked_an_extra_is_measured_again_once_it_is_there(tmp_path, monkeypatch):
+    experiment = discover()["frontier"]
+    write_result(tmp_path / "frontier.npz", Result(values={"a": 1.0}, lacks=("sb3",)), "settings")
+    monkeypatch.setitem(reproduction.EXTRAS, "sb3", "no_such_module")
+    assert reproduction._kept(experiment, [tmp_path], "settings").values == {"a": 1.0}
+    monkeypatch.setitem(reproduction.EXTRAS, "sb3", "json")
+    assert reproduction._kept(experiment, [tmp_path], "settings") is None
+    assert reproduction._kept(experiment, [tmp_path]) is not None  # to be shown
+
+
+def test_without_an_extra_the_rest_is_measured(out, monkeypatch):
+    """Stable-Baselines3 is not there."""
+    monkeypatch.setitem(sys.modules, "stable_baselines3", None)
+    experiment = discover()["frontier"]
+    lab = Lab(scale="tiny", folder=out / "elsewhere", ledger=read_ledger([out]))
+    result = experiment.measure(experiment.settings["tiny"], lab)
+    assert result.lacks == ("sb3",) and "pip install 'semrl[sb3]'" in result.notes[0]

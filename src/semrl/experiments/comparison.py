@@ -90,20 +90,21 @@ def measure(settings: Settings, lab: Lab) -> Result:
     validation = watch(pipeline, base, settings.validation, base.seed + VALIDATION_SEED)
     judge = call_judge(stream.first(settings.documents), validation)
     values: dict[str, float | None] = {"comparison/direct-search/within-5": judge.best.within(5)}
-    notes = []
+    notes, lacks = [], set()
     for name, candidate in CANDIDATES.items():
         lab.say(f"embedding {name}")
         try:
             embedder = make_embedder(candidate_config(settings.overrides, candidate).pipeline)
         except MissingExtraError as error:
             notes.append(f"{name} was left out: {error}")
+            lacks.add(error.extra)
             continue
         found = _measure(embedder, judge, stream, settings)
         values |= {f"comparison/{name}/{what}": value for what, value in found.items()}
     played = [(spec, lab.ledger.score(spec)) for spec in RUNS[lab.scale]]
     values |= {f"comparison/{spec.variant}/score": score.mean for spec, score in played if score}
     notes += [f"{spec.id} is not finished yet" for spec, score in played if not score]
-    return Result(values=values, notes=tuple(notes))
+    return Result(values=values, notes=tuple(notes), lacks=tuple(lacks))
 
 
 def candidate_config(overrides: Mapping[str, Any], pipeline: Mapping[str, Any]) -> RunConfig:

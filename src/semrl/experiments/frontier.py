@@ -99,22 +99,23 @@ def measure(race: Race, lab: Lab) -> Result:
             curves.append(_curve(f"{model}, {policy}", way, race.decisions, values[f"{id_}/mean"]))
     missing = [spec.id for spec in race.runs() if not lab.ledger.score(spec)]
     ready = [view for view in VIEWS if not missing or result_path(view, race.match, lab.folder).exists()]
-    rivals, notes = _rivals(ready, race.match, lab)
+    notes, lacks = [], []
+    try:
+        values |= _rivals(ready, race.match, lab)
+    except MissingExtraError as error:
+        notes, lacks = [str(error)], [error.extra]
     if missing:
         notes.append(f"not finished yet: {', '.join(missing)}; then Stable-Baselines3's DQN competes")
-    return Result(values=values | rivals, figures=(_figure(curves),), notes=tuple(notes))
+    return Result(values=values, figures=(_figure(curves),), notes=tuple(notes), lacks=tuple(lacks))
 
 
-def _rivals(views: Sequence[View], match: Match, lab: Lab) -> tuple[dict[str, float], list[str]]:
-    """Return the numbers of Stable-Baselines3's DQN, and why there are none."""
+def _rivals(views: Sequence[View], match: Match, lab: Lab) -> dict[str, float]:
+    """Return the numbers of Stable-Baselines3's DQN."""
     values: dict[str, float] = {}
-    try:
-        for view in views:
-            lab.say(f"Stable-Baselines3's DQN, {view}")
-            values |= {f"frontier/sb3-{view}/{what}": told for what, told in compete(view, match, lab.folder).items()}
-    except MissingExtraError as error:
-        return values, [str(error)]
-    return values, []
+    for view in views:
+        lab.say(f"Stable-Baselines3's DQN, {view}")
+        values |= {f"frontier/sb3-{view}/{what}": told for what, told in compete(view, match, lab.folder).items()}
+    return values
 
 
 def _held(ledger: Ledger, specs: Sequence[RunSpec], trial: Trial) -> list[Outcome]:

@@ -4,6 +4,7 @@ import difflib
 import fnmatch
 import hashlib
 import importlib
+import importlib.util
 import pkgutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,6 +25,9 @@ from semrl.runs.session import limited_threads
 
 SHIPPED = Path(semrl.__file__).parents[2] / "docs" / "results"
 """Results that lie in the repository: what stands there need not be measured again."""
+
+EXTRAS = {"thesis": "gensim", "sb3": "stable_baselines3"}
+"""What tells whether an extra is installed."""
 
 SHIPPED_SCALE: Scale = "full"
 """Their scale."""
@@ -152,12 +156,19 @@ def _result(experiment: Experiment, lab: Lab, folders: Sequence[Path]) -> None:
 
 
 def _kept(experiment: Experiment, folders: Sequence[Path], settings: str | None = None) -> Result | None:
-    """Return the result that lies in one of the folders, measured with these settings; None: whichever."""
+    """Return the result that lies in one of the folders, measured with these settings and all that is installed now.
+
+    Without settings: whichever.
+    """
     for path in (folder / f"{experiment.name}.npz" for folder in folders):
         result = read_result(path, settings) if path.exists() else None
-        if result:
+        if result and (settings is None or not any(map(_is_installed, result.lacks))):
             return result
     return None
+
+
+def _is_installed(extra: str) -> bool:
+    return importlib.util.find_spec(EXTRAS[extra]) is not None
 
 
 def _fingerprint(experiment: Experiment, lab: Lab) -> str:

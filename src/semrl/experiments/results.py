@@ -5,7 +5,7 @@ import dataclasses
 import io
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -57,11 +57,14 @@ class Result:
         In the order of the thesis.
     notes
         What somebody must know who reads them.
+    lacks
+        Extras that were not installed, so that something was left out.
     """
 
     values: Mapping[str, float | None]
     figures: tuple[Figure, ...] = ()
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
+    lacks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

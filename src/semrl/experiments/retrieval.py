@@ -128,7 +128,7 @@ def measure(settings: Settings, lab: Lab) -> Result:
     """Test every candidate on the scenes of its preset."""
     scenes: dict[str, _Scenes] = {}
     tests: dict[str, EmbeddingTest] = {}
-    notes = []
+    notes, lacks = [], set()
     for name, candidate in CANDIDATES.items():
         lab.say(f"embedding {name}")
         if candidate.preset not in scenes:
@@ -137,6 +137,7 @@ def measure(settings: Settings, lab: Lab) -> Result:
             embedder = _embedder(_config(candidate.preset, settings, candidate.pipeline))
         except MissingExtraError as error:
             notes.append(f"{name} was left out: {error}")
+            lacks.add(error.extra)
             continue
         tests[name] = _test(embedder, scenes[candidate.preset], settings, self_only=candidate.self_only)
     values: dict[str, float | None] = {}
@@ -145,7 +146,7 @@ def measure(settings: Settings, lab: Lab) -> Result:
     for name, found in scenes.items():
         suffix = "" if name == "thesis" else f"@{name}"
         values |= {f"embedding/direct-search/within-{d}{suffix}": found.best.within(d) for d in DISTANCES}
-    return Result(values=values, figures=draw(tests), notes=tuple(notes))
+    return Result(values=values, figures=draw(tests), notes=tuple(notes), lacks=tuple(lacks))
 
 
 def _config(name: str, settings: Settings, pipeline: Mapping[str, Any]) -> RunConfig:
