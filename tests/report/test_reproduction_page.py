@@ -105,3 +105,8 @@ def test_lines_have_a_legend_where_there_are_several():
 def test_a_page_that_cannot_be_written_is_told(tmp_path):
     with pytest.raises(UsageError, match="there is no folder"):
         write_reproduction([], tmp_path / "none" / "page.html", scale="full")
+
+
+def test_where_table_41_is_not_known_the_page_does_not_open_with_it(page):
+    text = page(section())
+    assert "Scores" in text and 'class="table41"' not in text and "Table 4.1" not in text

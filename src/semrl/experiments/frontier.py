@@ -128,7 +128,7 @@ def _ends(id_: str, held: Sequence[Outcome]) -> dict[str, float | None]:
     return {
         f"{id_}/mean": _mean(held),
         f"{id_}/lowest-seed": min(seeds, default=None),
-        f"{id_}/seeds": float(len(seeds)),
+        f"{id_}/seeds": float(len(seeds)) or None,
         f"{id_}/different-games": _middle([outcome.different for outcome in held]),
     }
 
