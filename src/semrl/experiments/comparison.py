@@ -104,7 +104,7 @@ def measure(settings: Settings, lab: Lab) -> Result:
     played = [(spec, lab.ledger.score(spec)) for spec in RUNS[lab.scale]]
     values |= {f"comparison/{spec.variant}/score": score.mean for spec, score in played if score}
     notes += [f"{spec.id} is not finished yet" for spec, score in played if not score]
-    return Result(values=values, notes=tuple(notes), lacks=tuple(lacks))
+    return Result(values=values, notes=tuple(notes), lacks=tuple(sorted(lacks)))
 
 
 def candidate_config(overrides: Mapping[str, Any], pipeline: Mapping[str, Any]) -> RunConfig:

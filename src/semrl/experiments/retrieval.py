@@ -146,7 +146,7 @@ def measure(settings: Settings, lab: Lab) -> Result:
     for name, found in scenes.items():
         suffix = "" if name == "thesis" else f"@{name}"
         values |= {f"embedding/direct-search/within-{d}{suffix}": found.best.within(d) for d in DISTANCES}
-    return Result(values=values, figures=draw(tests), notes=tuple(notes), lacks=tuple(lacks))
+    return Result(values=values, figures=draw(tests), notes=tuple(notes), lacks=tuple(sorted(lacks)))
 
 
 def _config(name: str, settings: Settings, pipeline: Mapping[str, Any]) -> RunConfig:
