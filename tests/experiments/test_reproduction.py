@@ -2,6 +2,7 @@ import contextlib
 import io
 import json
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from semrl.experiments import reproduction
 from semrl.experiments.base import Lab
 from semrl.experiments.ledger import Ledger, read_ledger
 from semrl.experiments.reproduction import discover
-from semrl.experiments.results import Result, rows_of, write_result
+from semrl.experiments.results import Result, read_result, rows_of, write_result
 from semrl.experiments.scores import SWEEPS, interquartile_mean
 from semrl.runs import evaluate, train
 
@@ -85,8 +86,8 @@ def test_everything_is_measured_and_told(out):
 def test_what_lies_in_the_repository_needs_no_runs(out, tmp_path, monkeypatch, call):
     """Ledger and results count as done, and what was not asked for is on the page all the same."""
 
-    def unless_kept(experiment, lab, folders):
-        assert reproduction._kept(experiment, folders, reproduction._fingerprint(experiment, lab))
+    def unless_kept(experiment, lab):
+        assert reproduction._kept(experiment, lab.folders, reproduction._fingerprint(experiment, lab))
 
     monkeypatch.setattr(reproduction, "SHIPPED", out)
     monkeypatch.setattr(reproduction, "SHIPPED_SCALE", "tiny")
@@ -97,6 +98,18 @@ def test_what_lies_in_the_repository_needs_no_runs(out, tmp_path, monkeypatch, c
     assert named == {"pca", "birch", "new-run", "clusters", "table4.1", "planner-alone"}
     assert (tmp_path / "report.html").read_text() == (out / "report.html").read_text()
     assert not (tmp_path / "runs").exists()
+
+
+def test_the_test_of_a_run_outlives_its_folder(out, tmp_path):
+    ontology = discover()["ontology"]
+    lab = Lab(scale="tiny", folder=tmp_path, ledger=read_ledger([out]), shipped=(out,))
+    settings = ontology.settings["tiny"]
+    kept = ontology.measure(settings, lab)
+    assert not (tmp_path / "runs").exists() and not kept.notes
+    assert kept.values == read_result(out / "ontology.npz").values
+    assert {figure.number for figure in kept.figures} >= {"4.12", "4.15", "4.18"}
+    again = ontology.measure(replace(settings, decisions=99), lab)  # other settings: the folder is wanted, and gone
+    assert not again.values and len(again.notes) == 2
 
 
 def test_nothing_trained_is_told_on_the_page(tmp_path, call):

@@ -1,6 +1,6 @@
 """What every experiment is made of: a name, its numbers, its settings at each scale, and how it measures."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -25,6 +25,8 @@ class Lab:
         Its ``runs`` folder holds the trained runs.
     ledger
         What finished runs have scored.
+    shipped
+        Other folders with results.
     say
         Is told what is being done.
     """
@@ -32,7 +34,18 @@ class Lab:
     scale: Scale
     folder: Path
     ledger: Ledger
+    shipped: Sequence[Path] = ()
     say: Callable[[str], None] = lambda _: None
+
+    @property
+    def folders(self) -> tuple[Path, ...]:
+        """Where results may lie."""
+        return (self.folder, *self.shipped)
+
+    def kept(self, name: str) -> Path:
+        """Return the file of this name, where there is one; else where it is to be written."""
+        paths = [folder / name for folder in self.folders]
+        return next((path for path in paths if path.exists()), paths[0])
 
     def run_folder(self, spec: RunSpec) -> Path:
         """Return where a run is, or would be."""

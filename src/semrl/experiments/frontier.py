@@ -11,7 +11,7 @@ from semrl.experiments.base import Experiment, Lab, Scale
 from semrl.experiments.figures import Curve, Curves, Figure
 from semrl.experiments.ledger import Ledger
 from semrl.experiments.results import Number, Result
-from semrl.experiments.rivals import VIEWS, Match, View, compete, result_path
+from semrl.experiments.rivals import VIEWS, Match, View, compete, result_name
 from semrl.experiments.scores import LOST
 from semrl.experiments.sweep import RunSpec
 from semrl.experiments.trials import Outcome, Trial
@@ -98,7 +98,7 @@ def measure(race: Race, lab: Lab) -> Result:
             values |= {f"{id_}/at-{at}": mean for at, mean in way.items()}
             curves.append(_curve(f"{model}, {policy}", way, race.decisions, values[f"{id_}/mean"]))
     missing = [spec.id for spec in race.runs() if not lab.ledger.score(spec)]
-    ready = [view for view in VIEWS if not missing or result_path(view, race.match, lab.folder).exists()]
+    ready = [view for view in VIEWS if not missing or lab.kept(result_name(view, race.match)).exists()]
     notes, lacks = [], []
     try:
         values |= _rivals(ready, race.match, lab)
@@ -114,7 +114,8 @@ def _rivals(views: Sequence[View], match: Match, lab: Lab) -> dict[str, float]:
     values: dict[str, float] = {}
     for view in views:
         lab.say(f"Stable-Baselines3's DQN, {view}")
-        values |= {f"frontier/sb3-{view}/{what}": told for what, told in compete(view, match, lab.folder).items()}
+        told = compete(view, match, lab.kept(result_name(view, match)))
+        values |= {f"frontier/sb3-{view}/{what}": number for what, number in told.items()}
     return values
 
 

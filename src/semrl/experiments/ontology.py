@@ -6,11 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from sklearn.decomposition import PCA
 
+import semrl
 from semrl.errors import UsageError
 from semrl.experiments.base import Experiment, Lab
 from semrl.experiments.figures import Figure, Matrix, Network, Panel
 from semrl.experiments.foresight import SIGNS, examine
-from semrl.experiments.results import Number, Result
+from semrl.experiments.results import Number, Result, digest, joined, read_result, write_result
 from semrl.experiments.scores import SWEEPS
 from semrl.experiments.sweep import RunSpec
 from semrl.ontology import EpisodeRecord, StateMap
@@ -78,26 +79,33 @@ class _Tested:
 
 def measure(settings: Settings, lab: Lab) -> Result:
     """Test the map models of every preset that were trained."""
-    values: dict[str, float | None] = {}
-    tested: dict[tuple[str, str], _Tested] = {}
-    notes = []
-    for spec in RUNS[lab.scale]:
-        states, suffix = STATES[spec.model], "" if spec.preset == "thesis" else f"@{spec.preset}"
-        if lab.ledger.score(spec) is None:
-            notes.append(f"{spec.id} was not tested: it is not finished yet")
-            continue
-        lab.say(f"next states, rewards and map of {spec.id}")
-        try:
-            player = load_player(lab.run_folder(spec), memory=True).under(exploration=PROBING)
-            reasoner = player.require_foresight(spec.id)
-        except UsageError as error:
-            notes.append(f"{spec.id} was not tested: {error}")
-            continue
-        test = tested[states, spec.preset] = _test(reasoner, new_run(player, reasoner, settings.decisions))
-        for name, value in test.values.items():
-            kind, _, what = name.partition("/")
-            values[f"{kind}/{states}/{what}{suffix}"] = value
-    return Result(values=values, figures=_figures(tested), notes=tuple(notes))
+    return joined([_of_run(spec, settings, lab) for spec in RUNS[lab.scale]])
+
+
+def _of_run(spec: RunSpec, settings: Settings, lab: Lab) -> Result:
+    """Test a run, or tell what was kept of its test: that outlives the folder of the run."""
+    score = lab.ledger.score(spec)
+    if score is None:
+        return Result(values={}, notes=(f"{spec.id} was not tested: it is not finished yet",))
+    name, known = f"ontology-{spec.id}.npz", digest(semrl.__version__, settings, score)
+    kept = read_result(path, known) if (path := lab.kept(name)).exists() else None
+    if kept:
+        return kept
+    lab.say(f"next states, rewards and map of {spec.id}")
+    try:
+        player = load_player(lab.run_folder(spec), memory=True).under(exploration=PROBING)
+        reasoner = player.require_foresight(spec.id)
+    except UsageError as error:
+        return Result(values={}, notes=(f"{spec.id} was not tested: {error}",))
+    test = _test(reasoner, new_run(player, reasoner, settings.decisions))
+    states, suffix = STATES[spec.model], "" if spec.preset == "thesis" else f"@{spec.preset}"
+    values = {}
+    for id_, value in test.values.items():
+        kind, _, what = id_.partition("/")
+        values[f"{kind}/{states}/{what}{suffix}"] = value
+    result = Result(values=values, figures=_figures(states, spec.preset, test))
+    write_result(lab.folder / name, result, known)
+    return result
 
 
 def new_run(player: Player, reasoner: Reasoner, most: int | None) -> Trajectory:
@@ -167,37 +175,38 @@ def _map(reasoner: Reasoner, run: Trajectory) -> tuple[dict[str, float | None], 
     return values, drawn
 
 
-def _figures(tested: Mapping[tuple[str, str], _Tested]) -> tuple[Figure, ...]:
-    def each(states: str, *names: str) -> tuple[tuple[str, Panel], ...]:
+def _figures(states: str, preset: str, test: _Tested) -> tuple[Figure, ...]:
+    """Draw the test of one run: what Figs. 4.12 – 4.18 show of its states."""
+
+    def each(*names: str) -> tuple[tuple[str, Panel], ...]:
         return tuple(
             (f"preset {preset}" + (f", {name}" if len(names) > 1 else ""), test.matrices[name])
-            for (kind, preset), test in tested.items()
-            if kind == states
             for name in names
             if name in test.matrices  # trees are not grown from a short run
         )
 
-    def maps(states: str) -> tuple[tuple[str, Panel], ...]:
-        return tuple((f"preset {preset}", test.map) for (kind, preset), test in tested.items() if kind == states)
-
     said = "Each row is what the reward was, each column what was predicted; rows sum to 1."
-    figures = (
-        Figure(number="4.12", title="Rewards of semantic states, as trained", says=said,
-               panels=each("semantic", "trained")),
-        Figure(number="4.13", title="Rewards of semantic states, learned from the new run alone", says=said,
-               panels=each("semantic", "scratch")),
-        Figure(number="4.14", title="Rewards of semantic states, updated with the new run", says=said,
-               panels=each("semantic", "updated")),
-        Figure(number="4.15", title="The map of semantic states", says="Nodes are clusters of states, placed by their "
-               "two principal components; edges are green where they bring a gain, red where a loss.",
-               panels=maps("semantic")),
-        Figure(number="4.16", title="Rewards of RAM states, learned from the new run alone", says=said,
-               panels=each("ram", "scratch")),
-        Figure(number="4.17", title="Rewards of RAM states, as trained and updated", says=said,
-               panels=each("ram", "trained", "updated")),
-        Figure(number="4.18", title="The map of RAM states", says="As Fig. 4.15, of four coordinates.",
-               panels=maps("ram")),
-    )  # fmt: skip
+    learned = "learned from the new run alone"
+    the_map = ((f"preset {preset}", test.map),)
+    figures: tuple[Figure, ...]
+    if states == "semantic":
+        figures = (
+            Figure(number="4.12", title="Rewards of semantic states, as trained", says=said, panels=each("trained")),
+            Figure(number="4.13", title=f"Rewards of semantic states, {learned}", says=said, panels=each("scratch")),
+            Figure(number="4.14", title="Rewards of semantic states, updated with the new run", says=said,
+                   panels=each("updated")),
+            Figure(number="4.15", title="The map of semantic states", says="Nodes are clusters of states, placed by "
+                   "their two principal components; edges are green where they bring a gain, red where a loss.",
+                   panels=the_map),
+        )  # fmt: skip
+    else:
+        figures = (
+            Figure(number="4.16", title=f"Rewards of RAM states, {learned}", says=said, panels=each("scratch")),
+            Figure(number="4.17", title="Rewards of RAM states, as trained and updated", says=said,
+                   panels=each("trained", "updated")),
+            Figure(number="4.18", title="The map of RAM states", says="As Fig. 4.15, of four coordinates.",
+                   panels=the_map),
+        )  # fmt: skip
     return tuple(figure for figure in figures if figure.panels)
 
 

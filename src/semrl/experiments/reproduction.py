@@ -2,12 +2,11 @@
 
 import difflib
 import fnmatch
-import hashlib
 import importlib
 import importlib.util
 import pkgutil
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Literal
@@ -18,7 +17,7 @@ from semrl.errors import UsageError
 from semrl.experiments.base import Experiment, Lab, Scale
 from semrl.experiments.ledger import read_ledger
 from semrl.experiments.queue import Queue
-from semrl.experiments.results import Result, Row, Section, read_result, rows_of, write_result, write_rows
+from semrl.experiments.results import Result, Row, Section, digest, read_result, rows_of, write_result, write_rows
 from semrl.experiments.sweep import RunSpec, cheapest_first
 from semrl.runs.files import make_folder
 from semrl.runs.session import limited_threads
@@ -104,20 +103,20 @@ def reproduce(
     chosen = _chosen(names)
     specs = _wanted(chosen, scale, order)
     make_folder(out)
-    folders = [out, SHIPPED] if scale == SHIPPED_SCALE else [out]
-    ledger = read_ledger(folders)
+    shipped = (SHIPPED,) if scale == SHIPPED_SCALE else ()
+    lab = Lab(scale=scale, folder=out, ledger=read_ledger((out, *shipped)), shipped=shipped, say=say)
     with limited_threads(1):
         for experiment in chosen:
             if not experiment.runs:
-                _result(experiment, Lab(scale=scale, folder=out, ledger=ledger, say=say), folders)
+                _result(experiment, lab)
         queue = Queue(out, workers=order.workers, say=say)
         if order.workers:
-            queue.work_off(specs, ledger)
-        lab = Lab(scale=scale, folder=out, ledger=read_ledger(folders), say=say)
+            queue.work_off(specs, lab.ledger)
+        lab = replace(lab, ledger=read_ledger(lab.folders))
         for experiment in chosen:
             if experiment.runs:
-                _result(experiment, lab, folders)
-    sections = _sections(lab, folders)
+                _result(experiment, lab)
+    sections = _sections(lab)
     write_rows(out / "results.csv", [row for section in sections for row in section.rows])
     named = {experiment.name for experiment in chosen}
     rows = tuple(row for section in sections if section.name in named for row in section.rows)
@@ -146,10 +145,10 @@ def _wanted(chosen: Sequence[Experiment], scale: Scale, order: Order) -> list[Ru
     return cheapest_first(wanted) if order.order == "cheapest" else wanted
 
 
-def _result(experiment: Experiment, lab: Lab, folders: Sequence[Path]) -> None:
+def _result(experiment: Experiment, lab: Lab) -> None:
     """Measure an experiment, if that was not done yet with these settings and runs."""
     settings = _fingerprint(experiment, lab)
-    if _kept(experiment, folders, settings) is None:
+    if _kept(experiment, lab.folders, settings) is None:
         write_result(
             lab.folder / f"{experiment.name}.npz", experiment.measure(experiment.settings[lab.scale], lab), settings
         )
@@ -174,15 +173,14 @@ def _is_installed(extra: str) -> bool:
 def _fingerprint(experiment: Experiment, lab: Lab) -> str:
     """Tell settings and runs apart in a few characters."""
     scores = [lab.ledger.score(spec) for spec in experiment.runs.get(lab.scale, ())]
-    content = (semrl.__version__, lab.scale, experiment.settings[lab.scale], experiment.numbers, scores)
-    return hashlib.sha256(repr(content).encode()).hexdigest()[:16]
+    return digest(semrl.__version__, lab.scale, experiment.settings[lab.scale], experiment.numbers, scores)
 
 
-def _sections(lab: Lab, folders: Sequence[Path]) -> tuple[Section, ...]:
+def _sections(lab: Lab) -> tuple[Section, ...]:
     """Return what is known of every experiment, measured now or before."""
     sections = []
     for experiment in discover().values():
-        result = _kept(experiment, folders)
+        result = _kept(experiment, lab.folders)
         if result:
             sections.append(
                 Section(

@@ -2,6 +2,7 @@
 
 import csv
 import dataclasses
+import hashlib
 import io
 import math
 from collections.abc import Mapping, Sequence
@@ -99,6 +100,25 @@ def rows_of(numbers: Sequence[Number], values: Mapping[str, float | None]) -> li
             ours = None if value is None or not math.isfinite(value) else float(value)
             rows.append(Row(id=id_, thesis=number.thesis, ours=ours, unit=number.unit, better=number.better))
     return rows
+
+
+def joined(parts: Sequence[Result]) -> Result:
+    """Put results of one experiment together: of equal figures all panels stand side by side."""
+    figures: dict[str, Figure] = {}
+    for figure in (figure for part in parts for figure in part.figures):
+        before = figures[figure.number].panels if figure.number in figures else ()
+        figures[figure.number] = dataclasses.replace(figure, panels=(*before, *figure.panels))
+    return Result(
+        values={id_: value for part in parts for id_, value in part.values.items()},
+        figures=tuple(figures[number] for number in sorted(figures)),
+        notes=tuple(note for part in parts for note in part.notes),
+        lacks=tuple(sorted({extra for part in parts for extra in part.lacks})),
+    )
+
+
+def digest(*settings: object) -> str:
+    """Tell settings apart in a few characters."""
+    return hashlib.sha256(repr(settings).encode()).hexdigest()[:16]
 
 
 def write_result(path: Path, result: Result, settings: str) -> None:

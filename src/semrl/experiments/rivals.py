@@ -88,8 +88,8 @@ class RamCoordinates(gym.ObservationWrapper[NDArray[np.float32], Any, Any]):
         return ram_features(self.rom, self.unwrapped.ale.getRAM())  # type: ignore[attr-defined]
 
 
-def compete(view: View, match: Match, folder: Path) -> dict[str, float]:
-    """Train and test the rival, if that was not done yet; its numbers are kept in a file of the folder.
+def compete(view: View, match: Match, kept: Path) -> dict[str, float]:
+    """Train and test the rival, if that was not done yet; its numbers are kept in a file.
 
     Returns
     -------
@@ -108,9 +108,8 @@ def compete(view: View, match: Match, folder: Path) -> dict[str, float]:
         from stable_baselines3.common.evaluation import evaluate_policy
     except ImportError:
         raise MissingExtraError("sb3", "the comparison with Stable-Baselines3") from None
-    path = result_path(view, match, folder)
-    if path.exists():
-        return _read(path)
+    if kept.exists():
+        return _read(kept)
     began = time.perf_counter()
     agent = DQN(env=see(view, match), learning_starts=match.learning_starts, seed=0, device="cpu", **SETTINGS[view])
     agent.learn(match.decisions)
@@ -124,13 +123,13 @@ def compete(view: View, match: Match, folder: Path) -> dict[str, float]:
 
     plain, sticky = test(0.0), test(match.sticky_actions)
     told = {"mean": float(plain.mean()), "std": deviation(plain), "sticky": float(sticky.mean()), "minutes": minutes}
-    write_text(path, json.dumps(told, indent=2) + "\n")
+    write_text(kept, json.dumps(told, indent=2) + "\n")
     return told
 
 
-def result_path(view: View, match: Match, folder: Path) -> Path:
-    """Return the file in which `compete` keeps its numbers."""
-    return folder / f"sb3-{view}-{match.decisions}.json"
+def result_name(view: View, match: Match) -> str:
+    """Return the name of the file in which the numbers of `compete` are kept."""
+    return f"sb3-{view}-{match.decisions}.json"
 
 
 def _read(path: Path) -> dict[str, float]:
