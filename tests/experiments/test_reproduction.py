@@ -77,7 +77,7 @@ def test_everything_is_measured_and_told(out):
     assert {id_ for id_ in THESIS if id_.startswith(("pca", "birch", "clusters", "embedding"))} <= measured
     assert {f"{id_}@semrl" for id_ in THESIS if id_.startswith(("next-state", "reward", "map", "planner"))} <= measured
     frontier = {"objects/agent/mean", "objects-map/agent/sticky", "objects-map/planner/lowest-seed", "sb3-ram/sticky"}
-    assert {f"frontier/{id_}" for id_ in frontier} <= measured
+    assert {f"frontier/{id_}" for id_ in frontier} | {"games/catch/planner/mean", "games/catch/minutes"} <= measured
     page = (out / "report.html").read_text()
     numbers = [f"3.{i}" for i in (1, 2, 3, 4, 6, 8, 9)] + [f"4.{i}" for i in range(1, 21)]
     assert [n for n in numbers if f"Fig. {n}:" not in page] == []
