@@ -36,6 +36,8 @@ SWEEPS: dict[Scale, Sweep] = {
         frames=2_000_000,
         seeds={"thesis": ((0,), (0,)), "semrl": ((0,), (0, 1, 2))},
         overrides={"agent": {"decisions_per_update": 4}},  # five times the play: as many updates as with a fifth of it
+        # Who wins every game by the same line forgets all others: what is remembered is 100,000 decisions of that line.
+        presets={"semrl": {"environment": {"max_noops": 30}}},
     ),
     "quick": Sweep(
         frames=32_000,

@@ -67,6 +67,8 @@ class Sweep:
         Of Table 4.1.
     overrides
         Nested settings, for every run; those under ``models.NAME`` for one model.
+    presets
+        The same for the runs of one preset: name → nested settings.
     planner_episodes
         Episodes that the planner plays alone after training, where there is a map.
     """
@@ -75,6 +77,7 @@ class Sweep:
     seeds: Mapping[str, tuple[tuple[int, ...], tuple[int, ...]]]
     models: tuple[str, ...] = TABLE_MODELS
     overrides: Mapping[str, Any] = field(default_factory=dict)
+    presets: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     planner_episodes: int = 5
 
     def runs(self) -> tuple[RunSpec, ...]:
@@ -87,7 +90,7 @@ class Sweep:
                 model=model,
                 seed=seed,
                 frames=self.frames,
-                overrides=merge(general, special.get(model, {})),
+                overrides=merge(merge(general, self.presets.get(name, {})), special.get(model, {})),
                 trials=(Trial(policy="planner", episodes=self.planner_episodes),) if model in MAP_MODELS else (),
             )
             for name, (pixels, others) in self.seeds.items()
