@@ -185,7 +185,10 @@ def _numbers() -> tuple[Number, ...]:
         numbers += [
             Number(id=f"table4.1/{model}/{name}", thesis=None, unit="return") for name in ("iqm", "iqm-low", "iqm-high")
         ]
-    return (*numbers, *(Number(id=f"planner-alone/{m}/mean", thesis=LOST, unit="return") for m in MAP_MODELS))
+    return (
+        *numbers,
+        *(Number(id=f"planner-alone/{m}/mean", thesis=LOST, unit="return") for m in TABLE if m in MAP_MODELS),
+    )
 
 
 def _by_preset(sweep: Sweep) -> dict[str, list[RunSpec]]:
