@@ -12,6 +12,7 @@ from semrl.experiments.base import Experiment, Lab
 from semrl.experiments.figures import Bars, Curve, Curves, Figure, Panel, Picture, Pictures, Scatter
 from semrl.experiments.perception import Schooled, new_run, objects_of, school
 from semrl.experiments.results import Number, Result
+from semrl.reduction import ObjectPCA
 from semrl.runs import RunConfig, preset
 from semrl.types import Ints
 
@@ -60,11 +61,22 @@ class Settings:
 
 @dataclass(frozen=True, kw_only=True)
 class _Seen:
-    """What perception makes of the new run: frames, reduced objects ``(n, k)``, their classes ``(n,)``."""
+    """What perception makes of the new run.
+
+    Attributes
+    ----------
+    frames
+        How many it has.
+    reduced, classes
+        Its objects, ``(n, k)``, and their classes, ``(n,)``.
+    explained
+        ``(k,)`` share of the variance of its objects that the first so many components explain.
+    """
 
     frames: int
     reduced: NDArray[np.float32]
     classes: Ints
+    explained: NDArray[np.float64]
 
 
 def measure(settings: Settings, lab: Lab) -> Result:
@@ -87,16 +99,28 @@ def _look(schooled: Schooled, config: RunConfig, frames: int | None) -> _Seen:
     found = list(objects_of(pipeline, new_run(config, frames)))
     features = np.concatenate([objects.features for objects in found])
     reduced = pipeline.pca.transform(features)
-    return _Seen(frames=len(found), reduced=reduced, classes=pipeline.birch.predict(reduced))
+    return _Seen(
+        frames=len(found),
+        reduced=reduced,
+        classes=pipeline.birch.predict(reduced),
+        explained=explained_variance(pipeline.pca, features),
+    )
+
+
+def explained_variance(pca: ObjectPCA, features: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the share of the variance of ``(n, d)`` objects that the first 1, 2, … components explain, ``(k,)``."""
+    reduced = pca.transform(features)
+    total = np.square(features - features.mean(axis=0, dtype=np.float64)).sum()
+    kept = np.tri(reduced.shape[1], dtype=np.float32)  # row i: the first i + 1
+    return np.array([1 - np.square(features - pca.inverse_transform(reduced * k)).sum() / total for k in kept])
 
 
 def _values(schooled: Schooled, seen: _Seen, settings: Settings) -> dict[str, float | None]:
-    pca, birch = schooled.pipeline.pca, schooled.pipeline.birch
-    ratios = pca.explained_variance_ratio_
+    birch = schooled.pipeline.birch
     rows, classes = seen.reduced[:: settings.indices_every], seen.classes[:: settings.indices_every]
     return {
-        "pca/explained-variance": 100 * float(ratios.sum()),
-        "pca/explained-variance-2-components": 100 * float(ratios[:2].sum()),
+        "pca/explained-variance": 100 * float(seen.explained[-1]),
+        "pca/explained-variance-2-components": 100 * float(seen.explained[1]),
         "pca/batches": schooled.batches["pca"],
         "birch/batches": schooled.batches["birch"],
         "birch/leaves": birch.n_leaves_,
