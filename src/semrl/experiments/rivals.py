@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from semrl.errors import MissingExtraError, SemrlError
 from semrl.experiments.ledger import deviation
+from semrl.experiments.results import digest
 from semrl.runs.evaluation import EVALUATION_SEED
 from semrl.runs.files import write_text
 from semrl.state import EnvironmentConfig, make_env, ram_features, rom_name
@@ -51,6 +52,8 @@ class Match:
         Greedy games after training, for each kind of test.
     sticky_actions
         Of the second kind: the usual value (Machado et al. 2018).
+    max_noops
+        At most so many random no-op decisions at the start of a game, in training and tests, as ours have them.
     env
         The game.
     """
@@ -59,6 +62,7 @@ class Match:
     learning_starts: int = 5_000
     episodes: int = 30
     sticky_actions: float = 0.25
+    max_noops: int = 30
     env: str = "PongNoFrameskip-v4"
 
 
@@ -103,20 +107,20 @@ def compete(view: View, match: Match, kept: Path) -> dict[str, float]:
     SemrlError
         When its file is damaged.
     """
+    if kept.exists():
+        return _read(kept)
     try:
         from stable_baselines3 import DQN
         from stable_baselines3.common.evaluation import evaluate_policy
     except ImportError:
         raise MissingExtraError("sb3", "the comparison with Stable-Baselines3") from None
-    if kept.exists():
-        return _read(kept)
     began = time.perf_counter()
     agent = DQN(env=see(view, match), learning_starts=match.learning_starts, seed=0, device="cpu", **SETTINGS[view])
     agent.learn(match.decisions)
     minutes = (time.perf_counter() - began) / 60
 
     def test(sticky_actions: float) -> NDArray[np.float64]:
-        env = see(view, match, EnvironmentConfig(max_noops=30, sticky_actions=sticky_actions))
+        env = see(view, match, sticky_actions)
         env.reset(seed=EVALUATION_SEED)
         returns, _ = evaluate_policy(agent, env, match.episodes, return_episode_rewards=True, warn=False)
         return np.asarray(returns)
@@ -129,7 +133,7 @@ def compete(view: View, match: Match, kept: Path) -> dict[str, float]:
 
 def result_name(view: View, match: Match) -> str:
     """Return the name of the file in which the numbers of `compete` are kept."""
-    return f"sb3-{view}-{match.decisions}.json"
+    return f"sb3-{view}-{match.decisions}-{digest(match)}.json"
 
 
 def _read(path: Path) -> dict[str, float]:
@@ -140,9 +144,9 @@ def _read(path: Path) -> dict[str, float]:
         raise SemrlError(f"{path} is damaged: {error!r}; delete it to play again") from None
 
 
-def see(view: View, match: Match, config: EnvironmentConfig | None = None) -> Env:
+def see(view: View, match: Match, sticky_actions: float = 0.0) -> Env:
     """Make the game as the rival sees it: four grey images of 84×84 pixels, or coordinates."""
-    env = make_env(match.env, config)
+    env = make_env(match.env, EnvironmentConfig(max_noops=match.max_noops, sticky_actions=sticky_actions))
     if view == "ram":
         return RamCoordinates(env)
     small = gym.wrappers.ResizeObservation(gym.wrappers.GrayscaleObservation(env), (IMAGE_SIZE_PX, IMAGE_SIZE_PX))
