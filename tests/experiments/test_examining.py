@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -59,6 +61,16 @@ def test_every_decision_is_foreseen_from_what_had_led_to_it():
     assert (moment.number, action) == (20, run.actions[20])
     np.testing.assert_array_equal(moment.states, run.states[20:4:-1])
     np.testing.assert_array_equal(moment.actions, run.actions[19:4:-1])
+
+
+def test_of_updated_forests_each_has_learned_the_new_run():
+    trees = TreesConfig(members=4, first_decisions=50, resolution=0.25)
+    reasoner = Reasoner(ReasoningConfig(world="trees", trees=trees), 2, 2, seed=0)
+    reasoner.learn(walk(400))
+    turned = walk(400)
+    turned = replace(turned, actions=1 - turned.actions)
+    next_states, _, _ = examine(reasoner, turned)
+    assert next_states["updated"] > next_states["trained"] + 1
 
 
 @pytest.mark.parametrize("kind", ["trees", "models"])

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from semrl.errors import SemrlError
-from semrl.experiments.ledger import Score, enter, read_ledger, read_table, score_of, summed_up
+from semrl.experiments.ledger import Score, enter, read_ledger, read_table, score_of, settings_of, summed_up
 from semrl.experiments.sweep import RunSpec
 from semrl.experiments.trials import Outcome, Trial, outcome_of
 from semrl.runs import evaluate
@@ -15,6 +15,7 @@ SPEC = RunSpec(preset="thesis", model="ram", seed=0, frames=4000)
 SCORE = Score(
     id=SPEC.id, preset="thesis", model="ram", seed=0, frames=4000, episodes=2, mean=-20.5, max=-20.0, min=-21.0,
     std=0.7, planner=None, seconds=1.5, versions="python=3.11, x=1", machine="Linux", weights="abc",
+    settings=settings_of(SPEC.config()),
 )  # fmt: skip
 EPISODES = np.array([[900.0, -21.0], [1000.0, -20.0]])
 
@@ -51,6 +52,14 @@ def test_trials_stand_beside_the_run(tmp_path):
     assert [ledger.outcome(SPEC, trial) for trial in trials] == outcomes
     assert ledger.outcome(SPEC, Trial(at=100)) is None
     assert len(read_table(tmp_path / "trials.csv", Outcome)) == 3
+
+
+def test_other_settings_are_another_run(tmp_path):
+    enter(tmp_path, SCORE, EPISODES)
+    ledger = read_ledger([tmp_path])
+    assert ledger.score(replace(SPEC, overrides={"agent": {"batch_size": 33}})) is None
+    same = {"threads": 2, "evaluation": {"episodes": 3}, "agent": {"batch_size": 32}}  # the last is the default
+    assert ledger.score(replace(SPEC, overrides=same)) == SCORE
 
 
 def test_another_budget_is_another_run(tmp_path):

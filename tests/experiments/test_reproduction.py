@@ -181,6 +181,23 @@ def test_what_lacked_an_extra_is_measured_again_once_it_is_there(tmp_path, monke
     assert reproduction._kept(experiment, [tmp_path]) is not None  # to be shown
 
 
+def test_of_several_results_the_one_of_these_settings_is_told(tmp_path):
+    experiment = discover()["clusters"]
+    here, shipped = tmp_path / "here", tmp_path / "shipped"
+    lab = Lab(scale="tiny", folder=here, ledger=Ledger(scores={}, returns={}, outcomes={}), shipped=(shipped,))
+    for folder, leaves, settings in ((here, 1.0, "older"), (shipped, 14.0, reproduction._fingerprint(experiment, lab))):
+        folder.mkdir()
+        write_result(folder / "clusters.npz", Result(values={"birch/leaves": leaves}), settings)
+    (section,) = reproduction._sections(lab)
+    assert {row.id: row.ours for row in section.rows}["birch/leaves"] == 14
+
+
+def test_what_could_not_be_tested_is_tried_again(tmp_path):
+    experiment = discover()["ontology"]
+    write_result(tmp_path / "ontology.npz", Result(values={}, whole=False), "settings")
+    assert reproduction._kept(experiment, [tmp_path], "settings") is None
+
+
 def test_without_an_extra_the_rest_is_measured(out, monkeypatch):
     """Stable-Baselines3 is not there."""
     monkeypatch.setitem(sys.modules, "stable_baselines3", None)

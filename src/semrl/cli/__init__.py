@@ -1,4 +1,4 @@
-"""The command line: ``semrl train``, ``eval``, ``report``, ``map``, ``query``, ``explain``, ``doctor``."""
+"""The command line, ``semrl COMMAND``: one file each."""
 
 from semrl.cli.main import main
 

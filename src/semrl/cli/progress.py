@@ -7,6 +7,7 @@ from types import TracebackType
 from typing import Self
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -94,7 +95,9 @@ class TrainingProgress:
 
     def _task(self, phase: str, total: int | None, done: int) -> TaskID:
         if not self._tasks:
-            what = f"[bold]{self.config.model}[/] on {self.config.env}, seed {self.config.seed} → {self.path}"
+            what = (
+                f"[bold]{self.config.model}[/] on {self.config.env}, seed {self.config.seed} → {escape(str(self.path))}"
+            )
             error_console.print(what, soft_wrap=True)
             self._bars.start()
         if phase not in self._tasks:
@@ -108,5 +111,5 @@ def summary(values: Mapping[str, object]) -> Table:
     """Make a table of names and values."""
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     for name, value in values.items():
-        table.add_row(f"[dim]{name}[/]", str(value))
+        table.add_row(f"[dim]{name}[/]", escape(str(value)))
     return table

@@ -28,7 +28,7 @@ class ReproduceArguments:
     games, the same on Breakout, Freeway and Boxing.
 
     Results, runs and one page, report.html, go into a folder. What is there already is not done again, so that it can
-    be stopped at any moment: the same command goes on.
+    be stopped at any moment: the same command goes on. At full scale what lies in docs/results counts as well.
 
     Example:  semrl reproduce clusters retrieval
     """
@@ -40,7 +40,7 @@ class ReproduceArguments:
     out: Path | None = None
     """Folder of results, runs and the page [default: runs/reproduce-SCALE]."""
     workers: Literal[0, 1, 2] = 2
-    """Training runs side by side; 0: no training, a page of what is there."""
+    """Training runs side by side; 0: none of ours are trained."""
     order: Literal["cheapest", "listed"] = "cheapest"
     """Which runs come first."""
     only: tuple[str, ...] = ()

@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 from sklearn.metrics import r2_score
 from sklearn.model_selection import KFold, StratifiedKFold
 
-from semrl.ontology import ModelPair, NextStateConfig, NextStateNetwork, RewardConfig, make_reward_model
+from semrl.ontology import (
+    ModelPair,
+    NextStateConfig,
+    NextStateNetwork,
+    RewardConfig,
+    TreeWorld,
+    make_reward_model,
+)
 from semrl.protocols import WorldModel
 from semrl.reasoning import MEMORY_DECISIONS, Reasoner
 from semrl.runs.foresight import balanced_accuracy
@@ -35,9 +42,7 @@ def worlds(reasoner: Reasoner, run: Trajectory) -> dict[str, WorldModel]:
     def new(**changes: Any) -> WorldModel:
         return Reasoner(replace(config, **changes), *shape, seed=0).world
 
-    at_once = replace(config.trees, new_decisions=1, new_share=0.0)  # an episode is little to what was lived before
-    updated, scratch = new(trees=at_once), new()
-    updated.from_arrays(reasoner.world.to_arrays())
+    updated, scratch = _to_be_updated(reasoner.world, new(trees=replace(config.trees, first_decisions=1))), new()
     models = {"trained": reasoner.world, "updated": updated, "scratch": scratch}
     if isinstance(scratch, ModelPair):
         fewer = replace(config.models.next_state, hidden_units=(FEWER_UNITS,))
@@ -45,6 +50,15 @@ def worlds(reasoner: Reasoner, run: Trajectory) -> dict[str, WorldModel]:
     for name in models.keys() - {"trained"}:
         models[name].partial_fit(run)
     return {name: world for name, world in models.items() if world.is_fitted}
+
+
+def _to_be_updated(trained: WorldModel, updated: WorldModel) -> WorldModel:
+    """Let a new model know what a trained one does; of forests, which learn one at a time, only what they remember."""
+    if isinstance(updated, TreeWorld) and isinstance(trained, TreeWorld):
+        updated.experience.from_arrays(trained.experience.to_arrays())
+    else:
+        updated.from_arrays(trained.to_arrays())
+    return updated
 
 
 def foretell(world: WorldModel, run: Trajectory) -> tuple[Floats, Ints]:

@@ -6,6 +6,7 @@ What stands here is done, even when the folder of the run is gone.
 
 import csv
 import io
+import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -15,9 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.errors import SemrlError
+from semrl.experiments.results import digest
 from semrl.experiments.sweep import RunSpec
 from semrl.experiments.trials import Outcome, Trial, outcome_of
-from semrl.runs import RunFolder
+from semrl.runs import RunConfig, RunFolder
+from semrl.runs.config import to_dict
 from semrl.runs.files import make_folder, write_text
 from semrl.runs.metrics import RUNNING_MEAN_EPISODES, read_metrics
 
@@ -42,6 +45,8 @@ class Score:
         What it ran on.
     weights
         Digest of what was learned.
+    settings
+        See `settings_of`.
     """
 
     id: str
@@ -59,7 +64,11 @@ class Score:
     versions: str
     machine: str
     weights: str
+    settings: str
 
+
+Key = tuple[str, int, str]
+"""Id, budget in frames and settings of a run."""
 
 Row = TypeVar("Row", Score, Outcome)
 
@@ -71,24 +80,24 @@ class Ledger:
     Attributes
     ----------
     scores
-        By id and budget in frames.
+        By run.
     returns
-        By id and budget: ``(episodes, 2)``, decisions at the end of each training episode and its return.
+        By run: ``(episodes, 2)``, decisions at the end of each training episode and its return.
     outcomes
-        By id, budget and name of the trial.
+        By run and name of the trial.
     """
 
-    scores: Mapping[tuple[str, int], Score]
-    returns: Mapping[tuple[str, int], NDArray[np.float64]]
-    outcomes: Mapping[tuple[str, int, str], Outcome]
+    scores: Mapping[Key, Score]
+    returns: Mapping[Key, NDArray[np.float64]]
+    outcomes: Mapping[tuple[Key, str], Outcome]
 
     def score(self, spec: RunSpec) -> Score | None:
-        """Return what a run has scored; None while it is not finished."""
-        return self.scores.get((spec.id, spec.frames))
+        """Return what a run has scored; None while it is not finished, or was with other settings."""
+        return self.scores.get(_key(spec))
 
     def outcome(self, spec: RunSpec, trial: Trial) -> Outcome | None:
         """Return what a trial of a run came to; None while it was not held."""
-        return self.outcomes.get((spec.id, spec.frames, trial.name))
+        return self.outcomes.get((_key(spec), trial.name))
 
     def last_returns(self, spec: RunSpec) -> NDArray[np.float64]:
         """Return the returns of the last episodes, ``(≤ 10,)``."""
@@ -97,7 +106,32 @@ class Ledger:
 
     def episodes(self, spec: RunSpec) -> NDArray[np.float64]:
         """Return decisions and returns of all training episodes, ``(n, 2)``."""
-        return self.returns.get((spec.id, spec.frames), np.zeros((0, 2)))
+        return self.returns.get(_key(spec), np.zeros((0, 2)))
+
+
+def settings_of(config: RunConfig) -> str:
+    """Return a digest of what a run does otherwise than by default, but for what changes nothing that is learned.
+
+    A setting that is new, and off by default, leaves it as it was.
+    """
+    ours, default = to_dict(config), to_dict(RunConfig())
+    what = {name: value for name, value in _changes(ours, default).items() if name not in _CHANGE_NOTHING}
+    return digest(json.dumps(what, sort_keys=True))
+
+
+_CHANGE_NOTHING = ("threads", "checkpoint_seconds", "milestones", "evaluation")
+
+
+def _changes(ours: Mapping[str, Any], default: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        name: _changes(value, default[name]) if isinstance(value, Mapping) else value
+        for name, value in ours.items()
+        if value != default[name]
+    }
+
+
+def _key(spec: RunSpec) -> Key:
+    return spec.id, spec.frames, settings_of(spec.config())
 
 
 def read_ledger(folders: Iterable[Path]) -> Ledger:
@@ -108,17 +142,18 @@ def read_ledger(folders: Iterable[Path]) -> Ledger:
     SemrlError
         When a file is damaged.
     """
-    scores: dict[tuple[str, int], Score] = {}
-    returns: dict[tuple[str, int], NDArray[np.float64]] = {}
-    outcomes: dict[tuple[str, int, str], Outcome] = {}
+    scores: dict[Key, Score] = {}
+    returns: dict[Key, NDArray[np.float64]] = {}
+    outcomes: dict[tuple[Key, str], Outcome] = {}
     for folder in folders:
+        held = read_table(folder / TRIALS, Outcome)
         for score in read_table(folder / RUNS, Score):
-            key = (score.id, score.frames)
+            key = (score.id, score.frames, score.settings)
             if key not in scores:
                 scores[key] = score
                 returns[key] = _read_returns(folder / "returns" / f"{score.id}.csv")
-        for outcome in read_table(folder / TRIALS, Outcome):
-            outcomes.setdefault((outcome.id, outcome.frames, outcome.trial), outcome)
+                its = (outcome for outcome in held if (outcome.id, outcome.frames) == key[:2])
+                outcomes |= {(key, outcome.trial): outcome for outcome in its}
     return Ledger(scores=scores, returns=returns, outcomes=outcomes)
 
 
@@ -174,6 +209,7 @@ def score_of(spec: RunSpec, run: Path) -> tuple[Score, NDArray[np.float64], list
         versions=" ".join(f"{name}={value}" for name, value in manifest["versions"].items()),
         machine=" ".join(str(value) for value in manifest["machine"].values()),
         weights=manifest["hashes"]["weights"][:16],
+        settings=settings_of(RunFolder.open(run).config()),
     )
     return score, episodes, outcomes
 

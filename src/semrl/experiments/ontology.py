@@ -96,7 +96,7 @@ def _of_run(spec: RunSpec, settings: Settings, lab: Lab) -> Result:
         player = load_player(lab.run_folder(spec), memory=True).under(exploration=PROBING)
         reasoner = player.require_foresight(spec.id)
     except UsageError as error:
-        return Result(values={}, notes=(f"{spec.id} was not tested: {error}",))
+        return Result(values={}, notes=(f"{spec.id} was not tested: {error}",), whole=False)
     test = _test(reasoner, new_run(player, reasoner, settings.decisions))
     states, suffix = STATES[spec.model], "" if spec.preset == "thesis" else f"@{spec.preset}"
     values = {}

@@ -161,7 +161,7 @@ def _kept(experiment: Experiment, folders: Sequence[Path], settings: str | None 
     """
     for path in (folder / f"{experiment.name}.npz" for folder in folders):
         result = read_result(path, settings) if path.exists() else None
-        if result and (settings is None or not any(map(_is_installed, result.lacks))):
+        if result and (settings is None or (result.whole and not any(map(_is_installed, result.lacks)))):
             return result
     return None
 
@@ -180,7 +180,7 @@ def _sections(lab: Lab) -> tuple[Section, ...]:
     """Return what is known of every experiment, measured now or before."""
     sections = []
     for experiment in discover().values():
-        result = _kept(experiment, lab.folders)
+        result = _kept(experiment, lab.folders, _fingerprint(experiment, lab)) or _kept(experiment, lab.folders)
         if result:
             sections.append(
                 Section(

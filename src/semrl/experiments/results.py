@@ -60,12 +60,15 @@ class Result:
         What somebody must know who reads them.
     lacks
         Extras that were not installed, so that something was left out.
+    whole
+        Whether nothing else was left out that may be there another time.
     """
 
     values: Mapping[str, float | None]
     figures: tuple[Figure, ...] = ()
     notes: tuple[str, ...] = ()
     lacks: tuple[str, ...] = ()
+    whole: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,6 +116,7 @@ def joined(parts: Sequence[Result]) -> Result:
         figures=tuple(figures[number] for number in sorted(figures)),
         notes=tuple(note for part in parts for note in part.notes),
         lacks=tuple(sorted({extra for part in parts for extra in part.lacks})),
+        whole=all(part.whole for part in parts),
     )
 
 

@@ -56,6 +56,8 @@ class SpeedConfig:
     def __post_init__(self) -> None:
         if self.frames < 10 or self.rounds < 1:
             raise UsageError(f"frames must be 10 or more and rounds 1 or more, not {self.frames} and {self.rounds}")
+        if self.seed < 0:
+            raise UsageError(f"seed must be 0 or more, not {self.seed}")
 
 
 def measure_speed(config: SpeedConfig, *, peers: bool, say: Callable[[str], None]) -> Speed:

@@ -88,8 +88,8 @@ class RunConfig:
             raise UsageError(f"seed must lie between 0 and 2^63 - 1, not {self.seed}")
         if not 1 <= self.threads <= MAX_THREADS:
             raise UsageError(f"threads must lie between 1 and {MAX_THREADS}, not {self.threads}")
-        if any(milestone < 1 for milestone in self.milestones):
-            raise UsageError(f"milestones are decisions, from 1 on, not {self.milestones}")
+        if any(not 1 <= milestone <= self.decisions for milestone in self.milestones):
+            raise UsageError(f"milestones are decisions, 1 to the budget's {self.decisions:,}, not {self.milestones}")
         if not self.checkpoint_seconds >= 0:
             raise UsageError(f"checkpoint_seconds must be 0 or more, not {self.checkpoint_seconds}")
 

@@ -184,9 +184,10 @@ class RunFolder:
         return locked(self.path / "lock", f"{self.path} is being trained by another process")
 
     def clean(self) -> None:
-        """Remove what an interrupted write left behind."""
+        """Remove what an interrupted training left behind; what others write into the folder meanwhile is theirs."""
         for left in [
-            *self.path.glob("*.tmp"),
+            *self.path.glob("metrics.csv*.tmp"),
+            *self.path.glob("manifest.json*.tmp"),
             *self.path.glob("checkpoints/*.tmp"),
             *self.path.glob("milestones/*.tmp"),
         ]:

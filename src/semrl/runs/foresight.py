@@ -85,8 +85,8 @@ def foresight(
     UsageError
         When there is no such run or milestone, or nothing that could foresee.
     """
-    if decisions < 1:
-        raise UsageError(f"decisions must be 1 or more, not {decisions}")
+    if decisions < 1 or (seed is not None and seed < 0):
+        raise UsageError(f"decisions must be 1 or more and seed 0 or more, not {decisions} and {seed}")
     player = load_player(run, at).under(exploration=PROBING)
     world = player.require_foresight(run).world
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed

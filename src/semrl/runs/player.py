@@ -172,7 +172,7 @@ def load_player(run: str | Path, at: int | None = None, *, memory: bool = False)
         if trainer.reasoner:
             learned = unnest(checkpoint.arrays, "reasoner")
             (trainer.reasoner.from_arrays if memory else trainer.reasoner.load)(learned)
-    except (KeyError, ValueError, RuntimeError) as error:
+    except (KeyError, ValueError, TypeError, RuntimeError) as error:
         raise SemrlError(f"the checkpoint of {run} does not fit its configuration ({error})") from error
     position = checkpoint.arrays.get("schooling/position")
     return Player(

@@ -183,7 +183,7 @@ class _Session:
     def _restore(self, checkpoint: Checkpoint) -> None:
         try:
             self.trainer.from_arrays(checkpoint.arrays)
-        except (KeyError, ValueError, RuntimeError) as error:
+        except (KeyError, ValueError, TypeError, RuntimeError) as error:
             name = self.folder.checkpoints()[-1]
             raise SemrlError(f"{name} does not fit this run's configuration ({error})") from error
 
