@@ -9,6 +9,7 @@ from systems import copied, walk
 from semrl.arrays import digest
 from semrl.errors import UsageError
 from semrl.ontology import TreesConfig, TreeWorld
+from semrl.ontology.tree_kernels import width
 from semrl.ontology.tree_world import MAX_DIMENSION
 from semrl.types import Moment, Trajectory
 
@@ -104,6 +105,14 @@ def test_what_is_expected_beyond_is_the_return_that_came():
     none = TreeWorld(dataclasses.replace(CONFIG, value_leaf_decisions=0), 3, discount=0.9)
     none.partial_fit(lived[0])
     assert not none.imagine(moment_of(test, 9), np.zeros((4, 5), np.int64)).values.any()
+
+
+@pytest.mark.parametrize("most", [10_000, 1_000_000])
+def test_of_too_many_decisions_some_are_drawn(most):
+    made = learned(dataclasses.replace(CONFIG, most_numbers=most), rally(3000))
+    in_root = made.forests.tree(0).rows[0]
+    assert in_root == (3000 if most == 1_000_000 else most // width(3, CONFIG.past_states, CONFIG.past_actions))
+    assert made.forests.tree(0).rows.size > 1
 
 
 @pytest.mark.parametrize(("flips", "kept"), [(1, [0, 1, 2]), (4, [0, 1, 2, 3])])
@@ -205,7 +214,7 @@ def test_before_and_after_an_end_are_not_mixed_up():
     """The first state of an episode follows from nothing."""
     lived = [rally(40, seed) for seed in range(3)]
     made = learned(CONFIG, *lived)
-    rows, wanted = made._lessons(made.experience)
+    rows, wanted = made._lessons(made.experience, np.random.default_rng(0))
     assert len(rows) == 120
     for i, episode in enumerate(lived):
         changes = np.diff(episode.states, axis=0)
@@ -247,7 +256,7 @@ def test_states_too_long_for_trees_are_refused():
 @pytest.mark.parametrize(
     "values",
     [
-        {"members": 0}, {"leaf_decisions": 0}, {"capacity": 0}, {"first_decisions": 0}, {"new_decisions": 0},
+        {"members": 0}, {"leaf_decisions": 0}, {"capacity": 0}, {"most_numbers": 0}, {"first_decisions": 0}, {"new_decisions": 0},
         {"past_states": 1}, {"past_actions": -1}, {"resolution": 0.0}, {"new_share": -0.1},
         {"value_leaf_decisions": -1}, {"screening": -1}, {"screening": 4},
     ],

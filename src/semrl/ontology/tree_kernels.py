@@ -31,7 +31,7 @@ def lay_out(states: Floats, actions: Ints, chosen: Ints) -> Floats:
         ``(n,)`` actions.
     """
     n, past, dimension = states.shape
-    rows = np.empty((_width(dimension, past, actions.shape[1]), n), np.float32)
+    rows = np.empty((width(dimension, past, actions.shape[1]), n), np.float32)
     _lay_out(states.transpose(1, 2, 0), actions.T, chosen, rows)
     return rows.T
 
@@ -111,7 +111,7 @@ def _roll_lanes(
     foreseen, rewards, values = told
     n, length, dimension = foreseen.shape
     window, before = _repeated(states, n), _repeated(actions, n)
-    width = _width(dimension, len(states), len(actions))
+    columns = width(dimension, len(states), len(actions))
     changes, going = np.empty((dimension + 1, n), np.float32), np.ones(n, np.bool_)
     begun = 1
     for t in range(length):
@@ -119,7 +119,7 @@ def _roll_lanes(
             origin = origins[begun]
             window[:, :, begun], before[:, begun], going[begun] = window[:, :, origin], before[:, origin], going[origin]
             begun += 1
-        rows, active = np.empty((width, begun), np.float32), np.flatnonzero(going[:begun])
+        rows, active = np.empty((columns, begun), np.float32), np.flatnonzero(going[:begun])
         _lay_out(window, before, chosen[t], rows)
         _descend(nodes, roots[: dimension + 1], rows, active, changes)
         _go_on(window, inertia, changes, active)
@@ -130,7 +130,7 @@ def _roll_lanes(
         for s in range(begun):
             for i in range(dimension):
                 foreseen[s, t, i] = window[0, i, s]
-    rows = np.empty((width, begun), np.float32)
+    rows = np.empty((columns, begun), np.float32)
     _lay_out(window, before, chosen[length], rows)
     _descend(nodes, roots[dimension + 1 :], rows, np.flatnonzero(going[:begun]), values.reshape(1, n))
 
@@ -167,7 +167,8 @@ def _advance(window: Floats, before: Floats, chosen: Floats, changes: Floats, ac
 
 
 @compiled
-def _width(dimension: int, past_states: int, past_actions: int) -> int:
+def width(dimension: int, past_states: int, past_actions: int) -> int:
+    """Return how many numbers `lay_out` makes of one decision."""
     return dimension * (past_states + 1) + dimension * (dimension - 1) + 1 + past_actions
 
 

@@ -10,7 +10,7 @@ from semrl.arrays import Arrays, nest, unnest
 from semrl.errors import UsageError
 from semrl.ontology.experience import Experience
 from semrl.ontology.rules import Rule, feature_names, read_rules
-from semrl.ontology.tree_kernels import lay_out
+from semrl.ontology.tree_kernels import lay_out, width
 from semrl.ontology.trees import Forests, action_column
 from semrl.types import Floats, Ints, Moment, Scenarios, Trajectory
 
@@ -45,6 +45,9 @@ class TreesConfig:
     """The same for the return expected beyond a scenario, which is learned from those that came; 0: none is."""
     capacity: int = 100_000
     """Decisions remembered, the oldest episodes first to go."""
+    most_numbers: int = 30_000_000
+    """Most numbers that a forest is grown from: of more, a draw of the decisions is laid out (some ten objects at once
+    make 600 numbers of a decision, and 100,000 decisions would take minutes a forest)."""
     first_decisions: int = 1_000
     """Decisions before trees are grown for the first time."""
     new_decisions: int = 100
@@ -53,7 +56,7 @@ class TreesConfig:
     """The same as a share of those that the newest was grown from."""
 
     def __post_init__(self) -> None:
-        for name in ("members", "leaf_decisions", "capacity", "first_decisions", "new_decisions"):
+        for name in ("members", "leaf_decisions", "capacity", "first_decisions", "new_decisions", "most_numbers"):
             if getattr(self, name) < 1:
                 raise UsageError(f"trees.{name} must be 1 or more, not {getattr(self, name)}")
         if not 0 <= self.screening <= self.members:
@@ -226,20 +229,19 @@ class TreeWorld:
             return
         c = self.config
         known = self.varying_, self.inertia_
-        rows, wanted = self._lessons(lived)
+        rng = np.random.default_rng([self.seed, seen])
+        rows, wanted = self._lessons(lived, rng)
         leaves = [c.leaf_decisions] * (wanted.shape[1] - 1) + [max(c.value_leaf_decisions, 1)]
         unseen = action_column(wanted.shape[1] - 2, c.past_states)
         same = np.array_equal(known[0], self.varying_) and np.array_equal(known[1], self.inertia_)
         oldest = int(self.grown_.argmin()) if self.is_fitted and same else None
-        self.forests.fit(
-            rows, wanted, np.random.default_rng([self.seed, seen]), leaf_rows=leaves, unseen=unseen, member=oldest
-        )
+        self.forests.fit(rows, wanted, rng, leaf_rows=leaves, unseen=unseen, member=oldest)
         self.grown_[oldest] = seen  # of all of them where there is no oldest
 
-    def _lessons(self, lived: Experience) -> tuple[Floats, NDArray[np.float64]]:
-        """Return what the trees see of every decision and what they are to predict: changes, reward and return.
+    def _lessons(self, lived: Experience, rng: np.random.Generator) -> tuple[Floats, NDArray[np.float64]]:
+        """Return what the trees see of a decision and what they are to predict: changes, reward and return.
 
-        Numbers that hardly ever change are left out.
+        Numbers that hardly ever change are left out, and so are decisions where there are too many.
         """
         unit, c = np.float32(self.config.resolution), self.config
         windows, pasts, actions, rewards, following = lived.windows(c.past_states, c.past_actions)
@@ -251,5 +253,9 @@ class TreeWorld:
         self.inertia_ = ((changes == before).mean(axis=0) > (changes == 0).mean(axis=0)).astype(np.float32)
         signs = np.sign(rewards)
         returns = lived.returns(self.discount) if c.value_leaf_decisions else np.zeros_like(signs)
-        wanted = np.column_stack([changes - self.inertia_ * before, signs, returns])
-        return lay_out(windows, pasts, actions), wanted.astype(np.float64)
+        wanted = np.column_stack([changes - self.inertia_ * before, signs, returns]).astype(np.float64)
+        most = max(c.most_numbers // width(len(self.varying_), c.past_states, c.past_actions), 1)
+        if len(wanted) > most:
+            drawn = np.sort(rng.choice(len(wanted), most, replace=False))
+            windows, pasts, actions, wanted = windows[drawn], pasts[drawn], actions[drawn], wanted[drawn]
+        return lay_out(windows, pasts, actions), wanted
