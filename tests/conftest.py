@@ -1,6 +1,7 @@
 """Tiny runs that many tests share, and a way to call the command line without a process."""
 
-from collections.abc import Callable
+import signal
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -56,6 +57,14 @@ BY_TREES: dict[str, Any] = {
     "reasoning.trees.new_decisions": 30,
 }
 """Of a map model that foresees tracked objects."""
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _heed_ctrl_c() -> Iterator[None]:
+    """Let SIGINT do what it does in a terminal: a shell starts background jobs with it ignored, and theirs too."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 def tiny(model: str = "semantic", **changes: Any) -> RunConfig:

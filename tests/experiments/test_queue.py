@@ -9,8 +9,8 @@ import pytest
 from semrl.errors import SemrlError, UsageError
 from semrl.experiments.ledger import read_ledger
 from semrl.experiments.queue import Queue
-from semrl.experiments.scores import SWEEPS
-from semrl.experiments.sweep import CHEAPEST, TABLE_MODELS, RunSpec, Sweep, cheapest_first
+from semrl.experiments.scores import SWEEPS, TABLE
+from semrl.experiments.sweep import CHEAPEST, RunSpec, Sweep, cheapest_first
 from semrl.pipeline import MODELS
 from semrl.runs import RunFolder, train
 from semrl.runs.files import locked
@@ -21,11 +21,11 @@ NOTHING = read_ledger([])
 
 
 def test_a_sweep_is_all_its_runs():
-    sweep = Sweep(frames=8, seeds={"thesis": ((0,), (0,)), "semrl": ((0,), (0, 1, 2))})
+    sweep = Sweep(frames=8, models=tuple(TABLE), seeds={"thesis": ((0,), (0,)), "semrl": ((0,), (0, 1, 2))})
     runs = sweep.runs()
     assert len({run.id for run in runs}) == len(runs) == 7 + 3 + 4 * 3
-    assert [run.model for run in runs[:7]] == list(TABLE_MODELS)
-    assert set(TABLE_MODELS) < set(CHEAPEST) == set(MODELS)
+    assert [run.model for run in runs[:7]] == list(TABLE)
+    assert set(TABLE) < set(CHEAPEST) == set(MODELS)
     assert [run.id for run in cheapest_first(runs)][:5] == [
         "thesis-ram-0", "semrl-ram-0", "semrl-ram-1", "semrl-ram-2", "thesis-semantic-0",
     ]  # fmt: skip

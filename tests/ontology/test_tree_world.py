@@ -256,7 +256,8 @@ def test_states_too_long_for_trees_are_refused():
 @pytest.mark.parametrize(
     "values",
     [
-        {"members": 0}, {"leaf_decisions": 0}, {"capacity": 0}, {"most_numbers": 0}, {"first_decisions": 0}, {"new_decisions": 0},
+        {"members": 0}, {"leaf_decisions": 0}, {"capacity": 0}, {"most_numbers": 0},
+        {"first_decisions": 0}, {"new_decisions": 0},
         {"past_states": 1}, {"past_actions": -1}, {"resolution": 0.0}, {"new_share": -0.1},
         {"value_leaf_decisions": -1}, {"screening": -1}, {"screening": 4},
     ],

@@ -1,6 +1,7 @@
 """What an explanation says is what happens."""
 
 import json
+import math
 import shutil
 from dataclasses import replace
 from itertools import pairwise
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from semrl.errors import UsageError
+from semrl.report.telling import place
 from semrl.runs import RunFolder, load_player, train
 from semrl.runs.config import write_toml
 from semrl.runs.evaluation import EVALUATION_SEED
@@ -149,6 +151,13 @@ def test_it_survives_json(map_run):
     assert again["scenarios"][0]["actions"] == list(told["scenarios"][0]["actions"])
     assert "frame" not in again and len(again["objects"]) > 1
     assert again["objects"][0].keys() == {"class", "box_px"} and len(again["objects"][0]["box_px"]) == 4
+
+
+def test_without_a_cutoff_json_and_words_name_none(map_run):
+    told = replace(explain(map_run, episode=1, step=6), cutoff=math.inf)
+    assert told.to_json()["cutoff"] is None
+    nowhere = replace(told, place=replace(told.place, is_goal=False, distance=None))
+    assert place(nowhere).endswith("No way to a gain is known.")
 
 
 def test_the_numbers_of_a_ram_model_have_names(ram_map_run):

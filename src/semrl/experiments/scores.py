@@ -35,6 +35,7 @@ SWEEPS: dict[Scale, Sweep] = {
     "full": Sweep(
         frames=2_000_000,
         seeds={"thesis": ((0,), (0,)), "semrl": ((0,), (0, 1, 2))},
+        models=tuple(TABLE),
         overrides={"agent": {"decisions_per_update": 4}},  # five times the play: as many updates as with a fifth of it
         # Who wins every game by the same line forgets all others: what is remembered is 100,000 decisions of that line.
         presets={"semrl": {"environment": {"max_noops": 30}}},
@@ -42,6 +43,7 @@ SWEEPS: dict[Scale, Sweep] = {
     "quick": Sweep(
         frames=32_000,
         seeds={"thesis": ((0,), (0,)), "semrl": ((0,), (0,))},
+        models=tuple(TABLE),
         overrides={
             "pipeline": {"doc2vec": {"documents": 1000}},
             "agent": {"initial_buffer": 500, "exploration_frames": 8_000},

@@ -10,9 +10,6 @@ from semrl.reasoning import MAP_MODELS
 from semrl.runs import RunConfig, preset
 from semrl.runs.config import merge
 
-TABLE_MODELS = ("baseline", "otsu", "birch", "semantic", "semantic-map", "ram", "ram-map")
-"""Models of Table 4.1, in its order."""
-
 CHEAPEST = ("ram", "objects", "semantic", "ram-map", "objects-map", "semantic-map", "otsu", "baseline", "birch")
 """Models, those whose decisions take least time first."""
 
@@ -55,7 +52,7 @@ class RunSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class Sweep:
-    """Runs of all models: for each preset the seeds of models that see images, and of the others.
+    """Runs of several models: for each preset the seeds of models that see images, and of the others.
 
     Attributes
     ----------
@@ -64,7 +61,7 @@ class Sweep:
     seeds
         Preset → seeds of pixel models and seeds of the others.
     models
-        Of Table 4.1.
+        Which.
     overrides
         Nested settings, for every run; those under ``models.NAME`` for one model.
     presets
@@ -75,7 +72,7 @@ class Sweep:
 
     frames: int
     seeds: Mapping[str, tuple[tuple[int, ...], tuple[int, ...]]]
-    models: tuple[str, ...] = TABLE_MODELS
+    models: tuple[str, ...]
     overrides: Mapping[str, Any] = field(default_factory=dict)
     presets: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     planner_episodes: int = 5

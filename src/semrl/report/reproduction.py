@@ -11,9 +11,6 @@ from semrl.report.templates import render_page
 from semrl.report.wording import number
 from semrl.runs.files import require_writable, write_text
 
-MODELS = ("baseline", "otsu", "birch", "semantic", "semantic-map", "ram", "ram-map")
-"""Rows of Table 4.1."""
-
 Numbers = Mapping[str, Row]
 
 
@@ -42,12 +39,17 @@ def write_reproduction(sections: Sequence[Section], out: Path, *, scale: str) ->
         "reproduction.html",
         title="The thesis's evaluation, done again",
         scale=scale,
-        table=[_model(rows, model) for model in MODELS if f"table4.1/{model}/mean" in rows],
+        table=[_model(rows, model) for model in _models(rows)],
         planners=[row for id_, row in rows.items() if id_.startswith("planner-alone/") and row.ours is not None],
         sections=[_section(section) for section in sections],
     )
     write_text(out, page)
     return out
+
+
+def _models(rows: Numbers) -> list[str]:
+    """Return the models of Table 4.1, in its order."""
+    return list(dict.fromkeys(id_.split("/")[1] for id_ in rows if id_.startswith("table4.1/")))
 
 
 def _model(rows: Numbers, model: str) -> dict[str, Any]:

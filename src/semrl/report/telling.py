@@ -1,5 +1,6 @@
 """Words of an explanation: the same sentences in the terminal and on the page."""
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from itertools import groupby
@@ -83,7 +84,8 @@ def place(e: Explanation) -> str:
     if e.place.is_goal:
         return f"{here} A gain is known to start right here."
     if e.place.distance is None:
-        return f"{here} No way to a gain is known that costs {number(e.cutoff)} or less."
+        dear = f" that costs {number(e.cutoff)} or less" if math.isfinite(e.cutoff) else ""
+        return f"{here} No way to a gain is known{dear}."
     hops = plural(len(e.path) - 1, "step")
     return f"{here} The nearest known gain starts {hops} away, at a cost of {number(e.place.distance)}."
 

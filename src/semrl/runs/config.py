@@ -58,7 +58,7 @@ class RunConfig:
     frames: int = 2_000_000
     """Budget in emulator frames, perception included; one decision takes environment.frame-skip frames."""
     seed: int = 0
-    """Of everything random: episodes, exploration, weights, replay."""
+    """Of everything random that is played or learned: episodes, exploration, weights, replay."""
     threads: int = 1
     """Processor threads; results repeat exactly for the same number."""
     checkpoint_seconds: float = 120.0

@@ -1,5 +1,6 @@
 """One decision, laid open: rows that say what was seen, planned, done, and what came of it."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -207,4 +208,5 @@ class Explanation:
         classes = self.sight.classes.tolist() or [None] * len(self.sight.boxes_px)
         boxes = self.sight.boxes_px.tolist()
         objects = [{"class": kind, "box_px": box} for kind, box in zip(classes, boxes, strict=True)]
-        return rows | {"objects": objects, "joined": self.sight.edges.tolist()}
+        cutoff = self.cutoff if math.isfinite(self.cutoff) else None  # JSON has no infinities
+        return rows | {"cutoff": cutoff, "objects": objects, "joined": self.sight.edges.tolist()}
