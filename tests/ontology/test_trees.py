@@ -31,6 +31,33 @@ def test_it_is_the_trees_of_scikit_learn():
     assert np.isfinite(forest(test)).all()
 
 
+def by_all_cuts(rows, wanted, leaf_rows):
+    """Grow a tree by trying every cut of every column anew; return what it predicts for its rows."""
+    n, total, best, chosen = len(rows), wanted.sum(), wanted.sum() ** 2 / len(rows) + 1e-9, None
+    for column in rows.T:
+        for cut in np.unique(column)[:-1]:
+            left = column <= cut
+            k, part = left.sum(), wanted[left].sum()
+            if min(k, n - k) >= leaf_rows and (explained := part**2 / k + (total - part) ** 2 / (n - k)) > best:
+                best, chosen = explained, left
+    if chosen is None or n < 2 * leaf_rows:
+        return np.full(n, wanted.mean())
+    told = np.empty(n)
+    for side in (chosen, ~chosen):
+        told[side] = by_all_cuts(rows[side], wanted[side], leaf_rows)
+    return told
+
+
+@pytest.mark.parametrize("unit", [1.0, 0.5], ids=["large nodes by their siblings", "every node by its rows"])
+@pytest.mark.parametrize("leaf_rows", [2, 9])
+def test_no_cut_is_better_and_of_equals_the_first_is_taken(unit, leaf_rows):
+    rows, rng = wholes(900, 4, most=40), np.random.default_rng(3)
+    peeled = (rows[:, :2] > 36).sum(axis=1) * 5  # a few rows at a time leave a large rest
+    wanted = unit * (peeled + rng.integers(-1, 2, size=900) * (rows[:, 2] > 30))
+    told = fitted(rows, wanted[:, None], leaf_rows=leaf_rows)(rows)[0, :, 0]
+    np.testing.assert_allclose(told, by_all_cuts(rows, wanted, leaf_rows), atol=1e-5)
+
+
 def test_every_leaf_has_enough_rows_and_predicts_their_mean():
     rows, rng = wholes(500, 3), np.random.default_rng(0)
     wanted = rng.normal(size=(500, 1))

@@ -9,10 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.kernels import compiled
+from semrl.ontology.cuts import (
+    MAX_BINS,
+    NONE,
+    begin_tally,
+    best_cut,
+    give_back,
+    new_pool,
+    pass_on,
+    sums_are_exact,
+)
 from semrl.types import Floats, Ints
-
-MAX_BINS = 512
-_FEW = 8  # bins a row above which only those that are not empty are looked at
 
 
 def bins_of(rows: Floats) -> tuple[NDArray[np.uint16], list[Floats]]:
@@ -74,28 +81,58 @@ def _grow(
     """Return column and left child, bin after which to cut, and mean, rows and mean squared error of each node."""
     times = np.bincount(drawn, minlength=len(wanted))  # a row drawn twice counts twice, but is looked at once
     rows = np.flatnonzero(times)  # ascending, so memory is read in its order
+    begins = np.concatenate((np.zeros(1, np.int64), np.cumsum(widths)))
+    sample, pool = (places, begins, wanted * times, times), new_pool(len(rows), begins[-1])
     most = 2 * (len(drawn) // leaf_rows) + 1
     nodes = np.full((most, 2), -1, np.int32)
     chosen, told = np.zeros(most, np.int64), np.zeros((most, 3))
     spans = np.zeros((most, 2), np.int64)  # which of the rows belong to a node
     spans[0, 1] = len(rows)
-    size, node = 1, 0
-    while node < size:
-        mine = rows[spans[node, 0] : spans[node, 1]]
-        here = wanted[mine], times[mine]
-        told[node] = _moments(*here)
+    tallies = np.full(most, NONE)
+    if sums_are_exact(wanted, times):
+        tallies[0] = begin_tally(rows, sample, pool)
+    size, waiting = 1, [0]
+    while waiting:
+        node = waiting.pop()
+        begin, end = spans[node]
+        mine = rows[begin:end]
+        told[node] = _moments(wanted[mine], times[mine])
         column, cut = -1, -1
         if told[node, 2] > 0 and told[node, 1] >= 2 * leaf_rows:
-            column, cut = _best_cut(mine, places, widths, here, leaf_rows)
-        if column >= 0:
-            middle = spans[node, 0] + _part(mine, places[column], cut)
-            nodes[node] = column, size
-            chosen[node] = cut
-            spans[size] = spans[node, 0], middle
-            spans[size + 1] = middle, spans[node, 1]
-            size += 2
-        node += 1
-    return nodes[:size].copy(), chosen[:size].copy(), told[:size].copy()
+            column, cut = best_cut(mine, tallies[node], sample, pool, leaf_rows)
+        if column < 0:
+            give_back(tallies[node], pool)
+            continue
+        middle = begin + _part(mine, places[column], cut)
+        nodes[node] = column, size
+        chosen[node] = cut
+        spans[size], spans[size + 1] = (begin, middle), (middle, end)
+        left_is_smaller = middle - begin <= end - middle
+        smaller, larger = (size, size + 1) if left_is_smaller else (size + 1, size)
+        fewer = rows[spans[smaller, 0] : spans[smaller, 1]]
+        tallies[smaller], tallies[larger] = pass_on(tallies[node], fewer, len(mine), sample, pool)
+        waiting.append(larger)
+        waiting.append(smaller)  # which is grown first
+        size += 2
+    return _level_by_level(nodes[:size], chosen[:size], told[:size])
+
+
+@compiled
+def _level_by_level(
+    nodes: NDArray[np.int32], chosen: Ints, told: NDArray[np.float64]
+) -> tuple[NDArray[np.int32], Ints, NDArray[np.float64]]:
+    """Put the nodes of a tree in the order of their distance from the root: what is often asked lies close together."""
+    order, n = np.zeros(len(nodes), np.int64), 1
+    left = np.full(len(nodes), -1, np.int32)
+    for k in range(len(nodes)):
+        child = nodes[order[k], 1]
+        if child >= 0:
+            order[n], order[n + 1] = child, child + 1
+            left[k] = n
+            n += 2
+    sorted_nodes = nodes[order]
+    sorted_nodes[:, 1] = left
+    return sorted_nodes, chosen[order], told[order]
 
 
 @compiled
@@ -109,53 +146,6 @@ def _moments(wanted: NDArray[np.float64], times: Ints) -> tuple[float, float, fl
     for i in range(len(wanted)):
         squares += times[i] * (wanted[i] - wanted[0] - shift) ** 2
     return wanted[0] + shift, float(count), squares / count
-
-
-@compiled
-def _best_cut(
-    mine: Ints,
-    places: NDArray[np.uint16],
-    widths: Ints,
-    here: tuple[NDArray[np.float64], Ints],
-    leaf_rows: int,
-) -> tuple[int, int]:
-    """Return the column and the bin after which to cut for the smallest squared error; −1 where no cut helps."""
-    wanted, times = here
-    counts, sums = np.zeros(MAX_BINS, np.int64), np.zeros(MAX_BINS)
-    occupied = np.empty(min(len(mine), MAX_BINS), np.int64)
-    weighted, n, total = wanted * times, times.sum(), 0.0
-    for i in range(len(mine)):
-        total += weighted[i]
-    best, found, after = total * total / n + 1e-9, -1, -1
-    for column in range(len(places)):
-        few = _FEW * len(mine) < widths[column]
-        filled = 0
-        for i in range(len(mine)):
-            place = places[column, mine[i]]
-            if few and counts[place] == 0:
-                at = filled
-                while at > 0 and occupied[at - 1] > place:
-                    occupied[at] = occupied[at - 1]
-                    at -= 1
-                occupied[at] = place
-                filled += 1
-            counts[place] += times[i]
-            sums[place] += weighted[i]
-        left, left_sum = 0, 0.0
-        for k in range(filled if few else widths[column]):
-            place = occupied[k] if few else k
-            if counts[place] == 0:
-                continue
-            left += counts[place]
-            left_sum += sums[place]
-            counts[place] = 0
-            sums[place] = 0.0
-            if left < leaf_rows or n - left < leaf_rows:
-                continue
-            explained = left_sum**2 / left + (total - left_sum) ** 2 / (n - left)
-            if explained > best:
-                best, found, after = explained, column, place
-    return found, after
 
 
 @compiled
