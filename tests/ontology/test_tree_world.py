@@ -214,7 +214,7 @@ def test_before_and_after_an_end_are_not_mixed_up():
     """The first state of an episode follows from nothing."""
     lived = [rally(40, seed) for seed in range(3)]
     made = learned(CONFIG, *lived)
-    rows, wanted = made._lessons(made.experience, np.random.default_rng(0))
+    rows, wanted = made.lessons(made.experience, np.random.default_rng(0))
     assert len(rows) == 120
     for i, episode in enumerate(lived):
         changes = np.diff(episode.states, axis=0)

@@ -199,6 +199,29 @@ class TreeWorld:
             )
         ]
 
+    def lessons(self, lived: Experience, rng: np.random.Generator) -> tuple[Floats, NDArray[np.float64]]:
+        """Return what trees see of decisions, ``(n, f)``, and are to predict, ``(n, k)``: changes, reward, return.
+
+        It decides which numbers vary, and which of them by themselves; those that hardly ever change are left out. Of
+        too many decisions some are drawn.
+        """
+        unit, c = np.float32(self.config.resolution), self.config
+        windows, pasts, actions, rewards, following = lived.windows(c.past_states, c.past_actions)
+        changed = (following != windows[:, 0]).mean(axis=0)
+        self.varying_ = np.flatnonzero((changed > 0) & (changed >= c.least_changes))
+        windows, following = np.rint(windows[:, :, self.varying_] / unit), following[:, self.varying_]
+        changes = np.rint(following / unit) - windows[:, 0]
+        before = windows[:, 0] - windows[:, 1]
+        self.inertia_ = ((changes == before).mean(axis=0) > (changes == 0).mean(axis=0)).astype(np.float32)
+        signs = np.sign(rewards)
+        returns = lived.returns(self.discount) if c.value_leaf_decisions else np.zeros_like(signs)
+        wanted = np.column_stack([changes - self.inertia_ * before, signs, returns]).astype(np.float64)
+        most = max(c.most_numbers // width(len(self.varying_), c.past_states, c.past_actions), 1)
+        if len(wanted) > most:
+            drawn = np.sort(rng.choice(len(wanted), most, replace=False))
+            windows, pasts, actions, wanted = windows[drawn], pasts[drawn], actions[drawn], wanted[drawn]
+        return lay_out(windows, pasts, actions), wanted
+
     def to_arrays(self) -> Arrays:
         """Return trees and memory."""
         own = {
@@ -230,32 +253,10 @@ class TreeWorld:
         c = self.config
         known = self.varying_, self.inertia_
         rng = np.random.default_rng([self.seed, seen])
-        rows, wanted = self._lessons(lived, rng)
+        rows, wanted = self.lessons(lived, rng)
         leaves = [c.leaf_decisions] * (wanted.shape[1] - 1) + [max(c.value_leaf_decisions, 1)]
         unseen = action_column(wanted.shape[1] - 2, c.past_states)
         same = np.array_equal(known[0], self.varying_) and np.array_equal(known[1], self.inertia_)
         oldest = int(self.grown_.argmin()) if self.is_fitted and same else None
         self.forests.fit(rows, wanted, rng, leaf_rows=leaves, unseen=unseen, member=oldest)
         self.grown_[oldest] = seen  # of all of them where there is no oldest
-
-    def _lessons(self, lived: Experience, rng: np.random.Generator) -> tuple[Floats, NDArray[np.float64]]:
-        """Return what the trees see of a decision and what they are to predict: changes, reward and return.
-
-        Numbers that hardly ever change are left out, and so are decisions where there are too many.
-        """
-        unit, c = np.float32(self.config.resolution), self.config
-        windows, pasts, actions, rewards, following = lived.windows(c.past_states, c.past_actions)
-        changed = (following != windows[:, 0]).mean(axis=0)
-        self.varying_ = np.flatnonzero((changed > 0) & (changed >= c.least_changes))
-        windows, following = np.rint(windows[:, :, self.varying_] / unit), following[:, self.varying_]
-        changes = np.rint(following / unit) - windows[:, 0]
-        before = windows[:, 0] - windows[:, 1]
-        self.inertia_ = ((changes == before).mean(axis=0) > (changes == 0).mean(axis=0)).astype(np.float32)
-        signs = np.sign(rewards)
-        returns = lived.returns(self.discount) if c.value_leaf_decisions else np.zeros_like(signs)
-        wanted = np.column_stack([changes - self.inertia_ * before, signs, returns]).astype(np.float64)
-        most = max(c.most_numbers // width(len(self.varying_), c.past_states, c.past_actions), 1)
-        if len(wanted) > most:
-            drawn = np.sort(rng.choice(len(wanted), most, replace=False))
-            windows, pasts, actions, wanted = windows[drawn], pasts[drawn], actions[drawn], wanted[drawn]
-        return lay_out(windows, pasts, actions), wanted
