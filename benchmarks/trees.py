@@ -81,7 +81,7 @@ def remembered(run: Path) -> tuple[TreeWorld, Floats, NDArray[np.float64]]:
 def measure(world: TreeWorld, rows: Floats, wanted: NDArray[np.float64]) -> dict[str, Any]:
     """Grow one forest by both."""
     drawn = np.random.default_rng(0).integers(len(rows), size=len(rows))
-    leaf_rows = [world.config.leaf_decisions] * (wanted.shape[1] - 1) + [max(world.config.value_leaf_decisions, 1)]
+    leaf_rows = world.config.leaf_rows(wanted.shape[1])
     begun = time.process_time()
     places, cuts = bins_of(rows)
     binned = time.process_time()

@@ -55,6 +55,10 @@ class TreesConfig:
     new_share: float = 0.03
     """The same as a share of those that the newest was grown from."""
 
+    def leaf_rows(self, targets: int) -> list[int]:
+        """Return the fewest decisions in a leaf of each tree, that of the return last."""
+        return [self.leaf_decisions] * (targets - 1) + [max(self.value_leaf_decisions, 1)]
+
     def __post_init__(self) -> None:
         for name in ("members", "leaf_decisions", "capacity", "first_decisions", "new_decisions", "most_numbers"):
             if getattr(self, name) < 1:
@@ -254,7 +258,7 @@ class TreeWorld:
         known = self.varying_, self.inertia_
         rng = np.random.default_rng([self.seed, seen])
         rows, wanted = self.lessons(lived, rng)
-        leaves = [c.leaf_decisions] * (wanted.shape[1] - 1) + [max(c.value_leaf_decisions, 1)]
+        leaves = c.leaf_rows(wanted.shape[1])
         unseen = action_column(wanted.shape[1] - 2, c.past_states)
         same = np.array_equal(known[0], self.varying_) and np.array_equal(known[1], self.inertia_)
         oldest = int(self.grown_.argmin()) if self.is_fitted and same else None
