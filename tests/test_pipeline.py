@@ -8,7 +8,7 @@ import pytest
 
 from semrl.arrays import digest
 from semrl.clustering import BirchConfig
-from semrl.detection import label_image
+from semrl.detection import DetectionConfig, label_image
 from semrl.embedding import HashedEmbeddingConfig, build_scene_graph
 from semrl.errors import MissingExtraError, UsageError
 from semrl.pipeline import MODELS, Pipeline, PipelineConfig
@@ -201,3 +201,15 @@ def test_the_extra_is_asked_for_only_where_it_is_needed(monkeypatch):
         Pipeline(PipelineConfig(), view)
     with pytest.raises(MissingExtraError, match=r"semrl\[thesis\]"):
         Pipeline(PipelineConfig(), "embedding")
+
+
+def test_crops_of_tracked_scenes_are_of_one_size_whatever_otsu_cuts():
+    config = replace(CONFIG, detection=DetectionConfig(max_object_share=0.2))
+    pipeline = Pipeline(config, "objects")
+    pipeline.foreground.partial_fit(np.zeros((168, 168, 3), np.uint8))
+    shown = [pipeline.foreground.detect(observation.frame) for observation in SHOWN]
+    for objects in shown:
+        pipeline.pca.partial_fit(objects.features)
+    for objects in shown:
+        pipeline.birch.partial_fit(pipeline.pca.transform(objects.features))
+    assert all(len(pipeline.classes(objects)) == len(objects) for objects in shown)

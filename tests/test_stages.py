@@ -193,6 +193,17 @@ def test_frames_without_objects_do_no_harm():
         assert len(stage.test.values_) <= stage.batches_ // 2 - QUICK.batches + 1  # black frames were no batches
 
 
+def test_the_limit_ends_no_stage_that_has_seen_too_little_to_go_on_with():
+    schooling = Schooling(Pipeline(HASHED, "classes"), replace(QUICK, max_batches=5))
+    shown = list(frames(100))
+    for observation in shown[: schooling.stages[0].goal]:
+        schooling.learn(observation)
+    for _ in range(8):
+        assert schooling.learn(BLACK).name == "pca"
+    learn_all(schooling, shown)
+    assert schooling.current is None
+
+
 def test_what_there_is_to_tell():
     schooling = Schooling(Pipeline(HASHED, "classes"), QUICK)
     threshold, pca, birch = schooling.stages

@@ -127,7 +127,7 @@ class PCAStage(_StableStage):
         if len(objects):
             pca.partial_fit(objects.features)
         stable = bool(len(objects)) and pca.is_fitted and self.test.update(objects.features)
-        return stable or self.batches_ >= self.max_batches
+        return stable or (pca.is_fitted and self.batches_ >= self.max_batches)
 
 
 class BirchStage(_StableStage):
@@ -151,7 +151,7 @@ class BirchStage(_StableStage):
             reduced = self.pipeline.pca.transform(objects.features)
             self.pipeline.birch.partial_fit(reduced)
             stable = self.test.update(reduced)
-        return stable or self.batches_ >= self.max_batches
+        return stable or (self.pipeline.birch.n_leaves_ > 0 and self.batches_ >= self.max_batches)
 
     def measured(self) -> dict[str, Any]:
         """Return the number of leaves as well."""

@@ -81,6 +81,11 @@ def test_clusters_of_equal_or_single_points():
     assert indices.silhouette(X, np.arange(4)) == 0
 
 
+def test_one_cluster_around_another_is_the_worst_there_is():
+    X = np.array([[-1.0], [1.0], [-2.0], [2.0]])
+    assert indices.davies_bouldin(X, np.array([0, 0, 1, 1])) == np.inf
+
+
 @pytest.mark.parametrize(
     ("X", "labels"),
     [

@@ -27,6 +27,11 @@ def test_r2_of_what_is_exact_and_of_the_mean():
     assert r2(came, np.broadcast_to(came.mean(axis=0), came.shape)) == pytest.approx(0)
 
 
+def test_r2_where_nothing_varies():
+    still = np.ones((5, 2), np.float32)
+    assert (r2(still, still), r2(still, 2 * still)) == (100, 0)
+
+
 def test_confusion():
     run = walk()
     said = RNG.integers(-1, 2, len(run))

@@ -54,6 +54,17 @@ def test_trials_stand_beside_the_run(tmp_path):
     assert len(read_table(tmp_path / "trials.csv", Outcome)) == 3
 
 
+def test_a_run_is_done_when_its_trials_were_held(tmp_path):
+    spec = replace(SPEC, trials=(Trial(),))
+    held = Outcome(id=SPEC.id, frames=4000, trial=Trial().name, episodes=3, mean=0, max=0, min=0, std=0, different=1)
+    enter(tmp_path, SCORE, EPISODES)
+    ledger = read_ledger([tmp_path])
+    assert (ledger.is_done(SPEC), ledger.is_done(spec)) == (True, False)
+    enter(tmp_path, SCORE, EPISODES, [held])
+    assert read_ledger([tmp_path]).is_done(spec)
+    assert not read_ledger([tmp_path]).is_done(replace(spec, seed=1))
+
+
 def test_other_settings_are_another_run(tmp_path):
     enter(tmp_path, SCORE, EPISODES)
     ledger = read_ledger([tmp_path])

@@ -11,7 +11,7 @@ from semrl.report import write_report
 from semrl.runs import RunConfig, RunFolder
 from semrl.runs.config import to_dict
 from semrl.runs.files import write_arrays, write_text
-from semrl.runs.metrics import MetricsFile
+from semrl.runs.metrics import MetricsFile, read_metrics
 
 RETURNS = [-21.0, -20.0, -18.0, -19.0, -12.0]
 
@@ -39,7 +39,7 @@ def write_metrics(path):
         agreement = {"stability": 0.9, "leaves": 12} if i > 250 else {"leaves": 12}
         file.write({"phase": "birch", "decisions": 300 + i, "frames": 4 * i, "batches": i, **agreement})
     for i, value in enumerate(RETURNS):
-        row = {"episode": i + 1, "return": value, "loss": float("nan"), "decisions": 1900 + 1000 * i}
+        row = {"episode": i + 1, "policy": "agent", "return": value, "loss": float("nan"), "decisions": 1900 + 1000 * i}
         file.write({"phase": "agent", "frames": 4 * row["decisions"], **row})
     file.close()
 
@@ -181,6 +181,19 @@ def test_a_run_with_a_map_tells_how_far_it_sees_ahead(tmp_path):
     assert "on 2,345 decisions" in tested
     assert "losses foreseen 7 of 8 gains foreseen 28 of 32 false alarms 5 Rewards, one decision ahead" in tested
     assert f"semrl rules {run}" in tested and "Share of the variance of the states" in page_of(run)[0]
+
+
+def test_games_of_the_planner_are_not_the_agents(tmp_path):
+    run = make_run(tmp_path / "run", model="ram-map")
+    before = page_of(run)[1].words
+    file = MetricsFile(run / "metrics.csv", n_rows=len(read_metrics(run / "metrics.csv")))
+    for i in range(10):
+        row = {"episode": 6 + i, "policy": "planner", "return": 21.0, "decisions": 9000 + i}
+        file.write({"phase": "agent", "frames": 4 * row["decisions"], **row})
+    file.close()
+    after = page_of(run)[1].words
+    assert "Mean return of the 5 training episodes: −18." in before and "Mean return of the 5 training" in after
+    assert "a ring that of one which the planner played" in after and "a ring" not in before
 
 
 def test_a_large_video_stays_outside(tmp_path):

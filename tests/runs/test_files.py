@@ -1,5 +1,6 @@
 import errno
 import io
+import multiprocessing
 import os
 import pickle
 import zipfile
@@ -115,6 +116,21 @@ def test_what_fails_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
         with pytest.raises(error):
             write_atomic(path, lambda _, error=error: (_ for _ in ()).throw(error()))
     assert path.read_text() == "old"
+    assert [path.name for path in tmp_path.iterdir()] == ["x.txt"]
+
+
+def test_two_who_write_one_file_do_not_mix(tmp_path):
+    path = tmp_path / "x.txt"
+
+    def write_beside_another(file):
+        file.write(b"ours")
+        other = multiprocessing.get_context("spawn").Process(target=write_text, args=(path, "of the other"))
+        other.start()
+        other.join()
+        assert path.read_text() == "of the other"
+
+    write_atomic(path, write_beside_another)
+    assert path.read_text() == "ours"
     assert [path.name for path in tmp_path.iterdir()] == ["x.txt"]
 
 

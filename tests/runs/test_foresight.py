@@ -11,7 +11,7 @@ from sklearn.metrics import balanced_accuracy_score, r2_score
 from semrl.errors import UsageError
 from semrl.runs import RunFolder, load_player, train
 from semrl.runs.evaluation import EVALUATION_SEED, PROBING
-from semrl.runs.foresight import balanced_accuracy, foresight
+from semrl.runs.foresight import _explained, balanced_accuracy, foresight
 
 
 def test_it_is_what_scikit_learn_says_of_the_same_play(map_run):
@@ -63,6 +63,12 @@ def test_a_milestone_foresees_as_it_did_then(tmp_path, tracked_run):
 
 def test_kinds_that_never_came_do_not_count():
     assert balanced_accuracy(np.array([[0, 0, 0], [2, 6, 0], [0, 1, 1]])) == pytest.approx((0.75 + 0.5) / 2)
+
+
+def test_states_that_never_vary_have_no_share():
+    """An object that no frame showed, say: JSON knows no NaN."""
+    still, moving = np.zeros(3, np.float32), np.arange(3, dtype=np.float32)
+    assert _explained({1: [(still, still)] * 4, 2: [(moving, moving), (still, still)], 5: []}) == {2: 1.0}
 
 
 def test_without_a_map_nothing_is_foreseen(semantic_run, map_run):

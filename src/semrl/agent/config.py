@@ -24,7 +24,7 @@ class DQNConfig:
     heads: int = 1
     """Estimates of the values side by side (bootstrapped DQN, Osband et al. 2016); one at a time is followed."""
     head_decisions: int = 100
-    """Decisions after which another head is followed, on average; after a reward it is always another."""
+    """Decisions after which the head to follow is drawn anew, on average; after a reward it always is."""
     learning_rate: float = 1e-4
     """Step size of Adam."""
     final_learning_rate: float = 1.0
@@ -71,6 +71,9 @@ class DQNConfig:
         for name in _SHARES:
             if not 0 <= getattr(self, name) <= 1:
                 raise UsageError(f"agent.{name} must lie between 0 and 1, not {getattr(self, name)}")
+        for name in ("adam_beta1", "adam_beta2"):
+            if not 0 <= getattr(self, name) < 1:
+                raise UsageError(f"agent.{name} must be 0 or more and below 1, not {getattr(self, name)}")
         for name in _POSITIVE:
             if not 0 < getattr(self, name) < math.inf:
                 raise UsageError(f"agent.{name} must be above 0, not {getattr(self, name)}")
@@ -87,7 +90,7 @@ _COUNTS = (
     "target_updates",
 )  # fmt: skip
 _SHARES = (
-    "exploration_min", "exploration_max", "final_exploration", "final_learning_rate", "adam_beta1", "adam_beta2",
-    "discount", "reward_share", "target_rate",
+    "exploration_min", "exploration_max", "final_exploration", "final_learning_rate", "discount", "reward_share",
+    "target_rate",
 )  # fmt: skip
 _POSITIVE = ("exploration_min", "learning_rate", "adam_epsilon", "target_rate")

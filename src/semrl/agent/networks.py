@@ -38,8 +38,8 @@ class StateInput(nn.Module):
     """Turn (current, previous) observations into (current, difference), §3.3.
 
     Bytes are divided by 255. Vectors may be normalised; mean and scale are set once, by `fit`. A goal at the end
-    of a vector stays as it is, since there is none yet when `fit` is called. It has no difference: 0 stands in its
-    place.
+    of a vector stays as it is, since there may be none yet when `fit` is called; it only counts, as the numbers it then
+    is, towards the least deviation. It has no difference: 0 stands in its place.
     """
 
     def __init__(self, shape: tuple[int, ...], *, is_image: bool, goal_size: int = 0) -> None:

@@ -4,6 +4,7 @@ Points are rows, distances are Euclidean, in units of the data. The averages car
 thesis prints it, where we read N as the points concerned; so those over pairs grow with the number of points.
 """
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import combinations
@@ -11,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.distance import cdist
+from scipy.spatial.distance import cdist, pdist
 from sklearn.metrics import davies_bouldin_score, silhouette_score
 
 from semrl.errors import DataError
@@ -99,12 +100,17 @@ def silhouette(X: Points, labels: Labels) -> float:
 def davies_bouldin(X: Points, labels: Labels) -> float:
     """Return the Davies–Bouldin index, from 0, lower is better (scikit-learn's; Davies & Bouldin 1979).
 
+    Infinite when two centroids coincide.
+
     Raises
     ------
     DataError
         As `silhouette`.
     """
-    X, labels, _ = _checked(X, labels)
+    X, labels, numbers = _checked(X, labels)
+    centroids = np.stack([X[labels == number].mean(0) for number in numbers])
+    if pdist(centroids).min() <= 1e-12 * np.abs(X).max():
+        return math.inf
     return float(davies_bouldin_score(X, labels))
 
 

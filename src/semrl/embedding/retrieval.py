@@ -30,11 +30,6 @@ class Retrieval:
     places: Ints
     distances: NDArray[np.float64]
 
-    @property
-    def exact(self) -> float:
-        """Share of the scenes that found the one at their own place; says something where a set searches itself."""
-        return float(np.mean(self.places == np.arange(len(self.places))))
-
     def within(self, distance: float) -> float:
         """Return the share of the scenes that found one nearer than this graph distance."""
         return float(np.mean(self.distances < distance))

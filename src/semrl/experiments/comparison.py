@@ -16,7 +16,7 @@ from semrl.errors import MissingExtraError
 from semrl.experiments.base import Experiment, Lab, Scale
 from semrl.experiments.drift import cosines_to, probes_of
 from semrl.experiments.judging import Judge, call_judge
-from semrl.experiments.perception import by_frame, school
+from semrl.experiments.perception import NEW_RUN_SEED, PLAY_SEED, by_frame, school
 from semrl.experiments.results import Number, Result
 from semrl.experiments.sweep import RunSpec
 from semrl.experiments.watching import COORDINATES, Watched, watch
@@ -49,9 +49,6 @@ MEASURED = (
     "score",
 )
 LOWER_IS_BETTER = ("pearson", "microseconds")
-
-DOCUMENTS_SEED, VALIDATION_SEED = 100, 1_000
-"""Added to the seed of perception for play to learn from, and for play that nothing was learned from."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,8 +83,8 @@ def measure(settings: Settings, lab: Lab) -> Result:
     pipeline = school(base, "embedding").pipeline
     lab.say("play to learn from")
     most = max(settings.documents, settings.drift[1])
-    stream = watch(pipeline, base, most, base.seed + DOCUMENTS_SEED)
-    validation = watch(pipeline, base, settings.validation, base.seed + VALIDATION_SEED)
+    stream = watch(pipeline, base, most, base.seed + PLAY_SEED)
+    validation = watch(pipeline, base, settings.validation, base.seed + NEW_RUN_SEED)
     judge = call_judge(stream.first(settings.documents), validation)
     values: dict[str, float | None] = {"comparison/direct-search/within-5": judge.best.within(5)}
     notes, lacks = [], set()

@@ -13,7 +13,7 @@ from semrl.embedding.retrieval import cosine_similarities, embed
 from semrl.experiments.base import Experiment, Lab
 from semrl.experiments.figures import Curve, Curves, Figure
 from semrl.experiments.judging import Judge, call_judge
-from semrl.experiments.perception import by_frame, school
+from semrl.experiments.perception import NEW_RUN_SEED, PLAY_SEED, by_frame, school
 from semrl.experiments.results import Number, Result
 from semrl.experiments.watching import Watched, watch
 from semrl.pipeline import make_embedder
@@ -112,8 +112,8 @@ def measure(settings: Settings, lab: Lab) -> Result:
     config = _config(settings, {})
     pipeline = school(config, "embedding").pipeline
     lab.say("play to learn from")
-    stream = watch(pipeline, config, settings.looks[-1], config.seed + 100)
-    validation = watch(pipeline, config, settings.validation, config.seed + 1_000)
+    stream = watch(pipeline, config, settings.looks[-1], config.seed + PLAY_SEED)
+    validation = watch(pipeline, config, settings.validation, config.seed + NEW_RUN_SEED)
     judge = call_judge(stream.first(settings.documents), validation)
     courses = {}
     for name, method in METHODS.items():

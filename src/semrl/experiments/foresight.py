@@ -73,8 +73,12 @@ def foretell(world: WorldModel, run: Trajectory) -> tuple[Floats, Ints]:
 
 
 def r2(came: Floats, foreseen: Floats) -> float:
-    """Return R² of next states in percent, the mean over the numbers of a state that were not always the same."""
+    """Return R² of next states in percent, the mean over the numbers of a state that were not always the same.
+
+    Where none varied, it is 100 if all was foreseen exactly and 0 otherwise, as scikit-learn has it.
+    """
     varying = np.ptp(came, axis=0) > 0
+    varying |= not varying.any()
     return 100 * float(r2_score(came[:, varying], foreseen[:, varying]))
 
 

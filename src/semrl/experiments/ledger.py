@@ -99,6 +99,10 @@ class Ledger:
         """Return what a trial of a run came to; None while it was not held."""
         return self.outcomes.get((_key(spec), trial.name))
 
+    def is_done(self, spec: RunSpec) -> bool:
+        """Whether a run is finished with these settings, and all its trials were held."""
+        return self.score(spec) is not None and all(self.outcome(spec, trial) for trial in spec.trials)
+
     def last_returns(self, spec: RunSpec) -> NDArray[np.float64]:
         """Return the returns of the last episodes, ``(≤ 10,)``."""
         episodes = self.episodes(spec)

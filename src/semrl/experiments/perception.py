@@ -15,9 +15,8 @@ from semrl.schooling import Schooling
 from semrl.state import Game, make_env, rom_name, to_grey
 from semrl.types import Objects, Observation, SceneGraph
 
-NEW_RUN_SEED = 1_000
-"""Added to the seed of schooling for a run of which perception has seen nothing (§4.1: "an entirely new run")."""
-
+PLAY_SEED, NEW_RUN_SEED = 100, 1_000
+"""Added to the seed of schooling: for more play to learn from, and for "an entirely new run" (§4.1)."""
 
 _BY_FRAME = {"pipeline": {"scene": {"tracked": False}, "birch": {"threshold": 0.5}}}
 
@@ -51,10 +50,13 @@ def school(config: RunConfig, view: View) -> Schooled:
     """Let a pipeline learn everything but its embedding, on random play (§3.2.3)."""
     pipeline = Pipeline(config.pipeline, view, rom_name(make_env(config.env, config.environment)))
     schooling = Schooling(pipeline, config.stability)
-    play = random_play(config, config.seed)
+    play = _decisions(config, config.seed)
     learned: dict[str, int] = {}
     while schooling.current and schooling.current.name != "documents":
-        stage = schooling.learn(next(play))
+        observation, action = next(play)
+        if action is None:
+            pipeline.begin_episode()
+        stage = schooling.learn(observation, action)
         learned[stage.name] = stage.batches_
     stability = {stage.name: stage.test.values_ for stage in schooling.stages if hasattr(stage, "test")}
     return Schooled(pipeline=pipeline, stability=stability, batches=learned)
@@ -62,26 +64,12 @@ def school(config: RunConfig, view: View) -> Schooled:
 
 def random_play(config: RunConfig, seed: int) -> Iterator[Observation]:
     """Act at random and yield what is seen, episode after episode, without end."""
-    while True:
-        yield from random_episode(config, seed)
-        seed += 1
-
-
-def random_episode(config: RunConfig, seed: int) -> Iterator[Observation]:
-    """Act at random for one episode and yield what is seen."""
-    rng = np.random.default_rng(seed)
-    game = Game(make_env(config.env, config.environment), seed)
-    yield game.reset()
-    done = False
-    while not done:
-        outcome = game.step(int(rng.integers(game.n_actions)))
-        yield outcome.observation
-        done = outcome.done
+    return (observation for observation, _ in _decisions(config, seed))
 
 
 def new_run(config: RunConfig, most: int | None) -> Iterator[Observation]:
     """Yield one random episode that nothing was learned from, cut after so many frames."""
-    return islice(random_episode(config, config.seed + NEW_RUN_SEED), most)
+    return islice((observation for observation, _ in _episode(config, config.seed + NEW_RUN_SEED)), most)
 
 
 def objects_of(pipeline: Pipeline, play: Iterator[Observation]) -> Iterator[Objects]:
@@ -92,3 +80,22 @@ def objects_of(pipeline: Pipeline, play: Iterator[Observation]) -> Iterator[Obje
 def scenes_of(pipeline: Pipeline, play: Iterator[Observation]) -> list[SceneGraph]:
     """Return the scene of every frame."""
     return [pipeline.scene(to_grey(observation.frame)) for observation in play]
+
+
+def _decisions(config: RunConfig, seed: int) -> Iterator[tuple[Observation, int | None]]:
+    """Act at random and yield what is seen and the action that led there, none at the beginning of an episode."""
+    while True:
+        yield from _episode(config, seed)
+        seed += 1
+
+
+def _episode(config: RunConfig, seed: int) -> Iterator[tuple[Observation, int | None]]:
+    rng = np.random.default_rng(seed)
+    game = Game(make_env(config.env, config.environment), seed)
+    yield game.reset(), None
+    done = False
+    while not done:
+        action = int(rng.integers(game.n_actions))
+        outcome = game.step(action)
+        yield outcome.observation, action
+        done = outcome.done

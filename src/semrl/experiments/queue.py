@@ -68,7 +68,7 @@ class Queue:
         SemrlError
             When it was stopped by SIGINT or SIGTERM.
         """
-        waiting = [spec for spec in specs if ledger.score(spec) is None]
+        waiting = [spec for spec in specs if not ledger.is_done(spec)]
         if not waiting:
             return
         make_folder(self.folder / "runs")

@@ -172,8 +172,11 @@ def _is_installed(extra: str) -> bool:
 
 def _fingerprint(experiment: Experiment, lab: Lab) -> str:
     """Tell settings and runs apart in a few characters."""
-    scores = [lab.ledger.score(spec) for spec in experiment.runs.get(lab.scale, ())]
-    return digest(semrl.__version__, lab.scale, experiment.settings[lab.scale], experiment.numbers, scores)
+    known = [
+        (lab.ledger.score(spec), [lab.ledger.outcome(spec, trial) for trial in spec.trials])
+        for spec in experiment.runs.get(lab.scale, ())
+    ]
+    return digest(semrl.__version__, lab.scale, experiment.settings[lab.scale], experiment.numbers, known)
 
 
 def _sections(lab: Lab) -> tuple[Section, ...]:

@@ -14,7 +14,7 @@ from semrl.embedding import graph_distances
 from semrl.embedding.retrieval import Retrieval, cosine_similarities, embed, learned_vectors, retrieve, search
 from semrl.errors import MissingExtraError
 from semrl.experiments.base import Experiment, Lab
-from semrl.experiments.perception import by_frame, new_run, random_play, scenes_of, school
+from semrl.experiments.perception import PLAY_SEED, by_frame, new_run, random_play, scenes_of, school
 from semrl.experiments.results import Number, Result
 from semrl.experiments.retrieval_figures import EmbeddingTest, Validation, draw
 from semrl.pipeline import Pipeline
@@ -24,9 +24,6 @@ from semrl.types import Floats, SceneGraph
 
 DISTANCES = (5, 100, 200)
 """Graph distances that count as near: an object a few pixels off; none missing; one missing."""
-
-PLAY_SEED = 100
-"""Added to the seed for the random play that documents are gathered from."""
 
 
 @dataclass(frozen=True, kw_only=True)

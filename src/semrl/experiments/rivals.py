@@ -133,7 +133,7 @@ def compete(view: View, match: Match, kept: Path) -> dict[str, float]:
 
 def result_name(view: View, match: Match) -> str:
     """Return the name of the file in which the numbers of `compete` are kept."""
-    return f"sb3-{view}-{match.decisions}-{digest(match)}.json"
+    return f"sb3-{view}-{match.decisions}-{digest(match, SETTINGS[view])}.json"
 
 
 def _read(path: Path) -> dict[str, float]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import bootstrap, trim_mean
+from scipy.stats import trim_mean
 
 from semrl.experiments.base import Experiment, Lab, Scale
 from semrl.experiments.figures import Curve, Curves, Figure
@@ -103,21 +103,26 @@ def measure(runs: Mapping[str, Sequence[RunSpec]], lab: Lab) -> Result:
     return Result(values=values, figures=_figures(runs, lab), notes=notes)
 
 
-def interquartile_mean(runs: Sequence[NDArray[np.float64]]) -> tuple[float, float, float]:
-    """Return the mean of the middle half of all returns, and its 95 % interval.
+def interquartile_mean(runs: Sequence[NDArray[np.float64]]) -> tuple[float, float | None, float | None]:
+    """Return the mean of all returns but the lowest and the highest quarter, and its 95 % interval.
 
-    The bootstrap draws episodes anew within each run (Agarwal et al., "Deep reinforcement learning at the edge of the
-    statistical precipice", NeurIPS 2021), so with one run it tells nothing of other seeds.
+    The bootstrap draws runs anew, and within each of them episodes (after Agarwal et al., "Deep reinforcement learning
+    at the edge of the statistical precipice", NeurIPS 2021). Of one run it draws the episodes alone, so that it tells
+    nothing of other seeds; of one episode there is no interval.
     """
+    if sum(map(len, runs)) < 2:
+        return _middle(runs), None, None
+    rng = np.random.default_rng(0)
+    drawn = [
+        _middle([rng.choice(runs[run], len(runs[run])) for run in rng.integers(len(runs), size=len(runs))])
+        for _ in range(RESAMPLES)
+    ]
+    low, high = np.quantile(drawn, (0.025, 0.975))
+    return _middle(runs), float(low), float(high)
 
-    def middle(*samples: NDArray[np.float64], axis: int = -1) -> NDArray[np.float64]:
-        return np.asarray(trim_mean(np.concatenate(samples, axis=axis), 0.25, axis=axis))
 
-    mean = float(middle(*runs))
-    if min(map(len, runs)) < 2 or np.ptp(np.concatenate(runs)) == 0:
-        return mean, mean, mean
-    drawn = bootstrap(tuple(runs), middle, n_resamples=RESAMPLES, method="percentile", random_state=0, vectorized=True)
-    return mean, float(drawn.confidence_interval.low), float(drawn.confidence_interval.high)
+def _middle(runs: Sequence[NDArray[np.float64]]) -> float:
+    return float(trim_mean(np.concatenate(runs), 0.25))
 
 
 def _values(model: str, done: Sequence[RunSpec], lab: Lab) -> dict[str, float | None]:

@@ -18,14 +18,12 @@ import numpy as np
 from semrl.embedding import HashedEmbedding, WordHasher, build_scene_graph
 from semrl.errors import UsageError
 from semrl.experiments.peers import ThesisStack, require_peers
-from semrl.experiments.perception import by_frame
+from semrl.experiments.perception import PLAY_SEED, by_frame, random_play, school
 from semrl.experiments.timing import ELEVATION, EMBEDDING, EMULATOR, STACK, Speed, Stage, medians
 from semrl.pipeline import Pipeline
 from semrl.runs import preset
 from semrl.runs.session import limited_threads
-from semrl.schooling import Schooling
-from semrl.stability import StabilityConfig
-from semrl.state import Game, make_env, to_grey
+from semrl.state import to_grey
 from semrl.types import IMAGE_SIZE_PX, Frame, Observation, SceneGraph
 
 BATCH = 8
@@ -103,26 +101,12 @@ def measure_speed(config: SpeedConfig, *, peers: bool, say: Callable[[str], None
 
 
 def learn_to_see(seed: int, *, tracked: bool = False) -> tuple[Pipeline, Iterator[Observation]]:
-    """Train perception on random play of Pong; return it, and the play as it goes on.
+    """Train perception on random play of Pong; return it, and other random play.
 
     Scenes are of tracked objects, as in the preset `semrl`, or of single frames.
     """
-    config = preset("semrl", "semantic") if tracked else by_frame("semrl")
-    pipeline = Pipeline(config.pipeline, "embedding", "pong")
-    schooling, play = Schooling(pipeline, StabilityConfig()), random_play(Game(make_env(), seed), seed)
-    while schooling.current:
-        schooling.learn(next(play))
-    return pipeline, play
-
-
-def random_play(game: Game, seed: int) -> Iterator[Observation]:
-    """Act at random and yield what is seen."""
-    rng = np.random.default_rng(seed)
-    observation = game.reset()
-    while True:
-        yield observation
-        outcome = game.step(int(rng.integers(game.n_actions)))
-        observation = game.reset() if outcome.done else outcome.observation
+    config = preset("semrl", "semantic", {"seed": seed}) if tracked else by_frame("semrl", {"seed": seed})
+    return school(config, "embedding").pipeline, random_play(config, seed + PLAY_SEED)
 
 
 def upper_line(pipeline: Pipeline, play: Iterator[Observation], frames: Sequence[Frame]) -> list[Stage]:

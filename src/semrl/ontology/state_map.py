@@ -28,8 +28,8 @@ class StateMapConfig:
     max_edges: int = 0
     """Most edges of the map; beyond it the threshold grows. 0: no limit, as in the thesis."""
     reward_weight: float = 1.0
-    """What a reward of 1 weighs in a transition, in units of the state. With a large one, gains, losses and neutral
-    transitions never share an edge."""
+    """What a reward of 1 weighs in a transition, in units of the state. The larger it is, the more neutral transitions
+    an edge must have before it takes in a gain or a loss (D40)."""
     compact: bool = False
     """Whether a state or transition must also lie within the threshold of the mean of the cluster it joins."""
 

@@ -55,7 +55,7 @@ class Pipeline:
         self.pca = ObjectPCA(config.pca)
         self.birch = Birch(config.birch)
         self.scenery = Scenery()
-        self._kinds = Memo(self._classify, self.detector.crop_size_px**2, np.int32)  # the bits of a crop → its class
+        self._kinds = Memo(self._classify, self.crop_size_px**2, np.int32)  # the bits of a crop → its class
         self._kinds_learned: tuple[object, object] | None = None
         self.roles = Roles(config.roles)
         self.begin_episode()
@@ -75,6 +75,11 @@ class Pipeline:
     def follows(self) -> bool:
         """Whether objects are followed through time."""
         return self.view == "objects" or (self.view == "embedding" and self.config.scene.tracked)
+
+    @property
+    def crop_size_px(self) -> int:
+        """Side of the square crops that PCA and Birch are shown."""
+        return self.foreground.crop_size_px if self.follows else self.detector.crop_size_px
 
     @property
     def facts(self) -> slice:

@@ -20,25 +20,26 @@ HEADROOM = 1.15
 """Of the axis above a goal, for its label."""
 
 
-def learning_curve(runs: Sequence[tuple[str, Series]], *, wide: bool) -> Markup:
-    """Draw the return of each episode and its running mean over decisions, one colour a run.
+def learning_curve(runs: Sequence[tuple[str, Series, Series]], *, wide: bool) -> Markup:
+    """Draw the return of each episode over decisions, and the running mean of the agent's, one colour a run.
 
     Parameters
     ----------
     runs
-        Name and returns of each.
+        Name of each, returns of the agent (dots) and of the planner (rings).
     wide
         For a desktop or for a phone.
     """
     with mpl.rc_context(STYLE):
         figure, axes = new_figure((700, 330) if wide else (360, 260))
-        for i, (_, returns) in enumerate(runs):
+        for i, (_, returns, planned) in enumerate(runs):
             colour = RUN_COLOURS[i % len(RUN_COLOURS)]
+            axes.plot(planned.x, planned.y, "o", color=colour, alpha=0.5, markersize=4.5, fillstyle="none")
             axes.plot(returns.x, returns.y, "o", color=colour, alpha=0.5, markersize=5.5, markeredgewidth=0)
             axes.plot(returns.x, running_mean(returns.y), color=colour, linewidth=2)
         axes.set_xlim(left=0)
         label_axes(axes, "decisions", "return")
-        runs_text = ", ".join(name for name, _ in runs)
+        runs_text = ", ".join(name for name, _, _ in runs)
         return as_svg(figure, f"Return of every episode and running mean of 10 over decisions: {runs_text}")
 
 

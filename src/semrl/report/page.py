@@ -49,7 +49,8 @@ def write_report(runs: Sequence[Path], out: Path, *, defaults: Mapping[str, Any]
 def render(records: Sequence[RunRecord], defaults: Mapping[str, Any]) -> str:
     """Return the page as HTML text."""
     runs = [_run(record, RUN_COLOURS[i % len(RUN_COLOURS)], defaults) for i, record in enumerate(records)]
-    return render_page("page.html", runs=runs, curves=_curves(records), title=_title(records))
+    planned = any(len(record.returns("planner")) for record in records)
+    return render_page("page.html", runs=runs, curves=_curves(records), planned=planned, title=_title(records))
 
 
 def _title(records: Sequence[RunRecord]) -> str:
@@ -60,8 +61,8 @@ def _title(records: Sequence[RunRecord]) -> str:
 
 def _curves(records: Sequence[RunRecord]) -> list[tuple[str, Markup]]:
     """Draw the learning curves for both widths of a page; nothing before the first episode."""
-    played = [(record.name, record.returns()) for record in records]
-    if not any(len(returns) for _, returns in played):
+    played = [(record.name, record.returns(), record.returns("planner")) for record in records]
+    if not any(len(agent) + len(planner) for _, agent, planner in played):
         return []
     return [("wide", learning_curve(played, wide=True)), ("narrow", learning_curve(played, wide=False))]
 

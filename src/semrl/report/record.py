@@ -91,16 +91,21 @@ class RunRecord:
     def _result(self) -> Mapping[str, Any]:
         return self.manifest.get("result") or {}
 
-    def returns(self) -> Series:
-        """Return the return of each finished episode of the agent."""
-        return self.column("agent", "return", along="decisions")
+    def returns(self, policy: str = "agent") -> Series:
+        """Return the return of each finished training episode that the agent, or the planner, played."""
+        return _series([row for row in self.rows if row["policy"] == policy], "return", along="decisions")
 
-    def column(self, phase: str, name: str, *, along: str = "batches") -> Series:
-        """Return the numbers of one phase: those rows where both cells are filled with finite ones."""
-        rows = [row for row in self.rows if row["phase"] == phase and row[along] and row[name]]
-        values = np.array([(float(row[along]), float(row[name])) for row in rows]).reshape(-1, 2)  # (n, 2)
-        values = values[np.isfinite(values).all(axis=1)]
-        return Series(x=values[:, 0], y=values[:, 1])
+    def column(self, phase: str, name: str) -> Series:
+        """Return the numbers of one phase, by batches."""
+        return _series([row for row in self.rows if row["phase"] == phase], name, along="batches")
+
+
+def _series(rows: Sequence[Mapping[str, str]], name: str, *, along: str) -> Series:
+    """Return the numbers of those rows where both cells are filled with finite ones."""
+    pairs = [(float(row[along]), float(row[name])) for row in rows if row[along] and row[name]]
+    values = np.array(pairs).reshape(-1, 2)  # (n, 2)
+    values = values[np.isfinite(values).all(axis=1)]
+    return Series(x=values[:, 0], y=values[:, 1])
 
 
 def read_run(path: Path) -> RunRecord:

@@ -50,7 +50,8 @@ def evaluate(
 ) -> EvaluationResult:
     """Play a run greedily and write ``evaluation.json`` into its folder.
 
-    What is asked for beyond that stands in the file's name: see `result_path`.
+    Who plays, random and sticky actions, and a milestone stand in the file's name: see `result_path`. Number and seed
+    of the episodes do not, so the newest evaluation of a kind replaces the one before.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ def write_atomic(path: Path, write: Callable[[IO[bytes]], Any]) -> None:
     SemrlError
         When it cannot be written (full disk, no permission).
     """
-    temporary = path.with_name(path.name + ".tmp")
+    temporary = temporary_name(path)
     try:
         with temporary.open("wb") as file:
             write(file)
@@ -36,6 +36,11 @@ def write_atomic(path: Path, write: Callable[[IO[bytes]], Any]) -> None:
     finally:  # whatever went wrong: of a whole file nothing is left under this name
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+def temporary_name(path: Path) -> Path:
+    """Return where this process writes a file before it is whole; another process that writes the same has its own."""
+    return path.with_name(f"{path.name}.{os.getpid()}.tmp")
 
 
 def require_writable(path: Path) -> None:

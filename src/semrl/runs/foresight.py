@@ -151,9 +151,12 @@ def _embedded(pipeline: Pipeline, facts: Spans) -> Spans:
 
 
 def _explained(spans: Spans) -> dict[int, float]:
+    """Return R² of each horizon; nothing for one at which the states never varied."""
     shares = {}
     for horizon, pairs in spans.items():
         if pairs:
             foreseen, came = (np.array(part, np.float64) for part in zip(*pairs, strict=True))
-            shares[horizon] = float(1 - ((came - foreseen) ** 2).sum() / ((came - came.mean(axis=0)) ** 2).sum())
+            variation = float(((came - came.mean(axis=0)) ** 2).sum())
+            if variation:
+                shares[horizon] = 1 - float(((came - foreseen) ** 2).sum()) / variation
     return shares

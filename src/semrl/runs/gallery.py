@@ -104,7 +104,7 @@ def _learned(pipeline: Pipeline, counts: Ints) -> Arrays:
         arrays["explained_variance_ratio"] = pipeline.pca.explained_variance_ratio_
     if pipeline.birch.n_leaves_:
         numbers = pipeline.birch.classes_
-        size = pipeline.detector.crop_size_px
+        size = pipeline.crop_size_px
         centres = pipeline.pca.inverse_transform(pipeline.birch.centres_).reshape(-1, size, size)
         arrays |= {"class_numbers": numbers, "centres": centres, "class_counts": counts[numbers]}
         arrays["n_leaves"] = np.array(pipeline.birch.n_leaves_)

@@ -12,6 +12,7 @@ import numpy as np
 
 from semrl.errors import SemrlError, UsageError
 from semrl.pipeline import Pipeline
+from semrl.runs.files import temporary_name
 from semrl.runs.player import Step, load_player
 from semrl.runs.sight import CLASS_COLOURS, Sight, look
 from semrl.state import ram_feature_names
@@ -67,7 +68,7 @@ def _writable(video: Path) -> Path:
         raise UsageError(f"--video must name an .mp4 file, not {video}")
     if video.is_dir():
         raise UsageError(f"cannot write {video}: it is a folder")
-    temporary = video.with_name(video.name + ".tmp")
+    temporary = temporary_name(video)
     try:
         temporary.write_bytes(b"")
     except OSError as error:
