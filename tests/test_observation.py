@@ -96,7 +96,9 @@ def test_runs_that_did_not_learn_it_are_refused(semantic_run, baseline_run, tmp_
             SemanticObservation(env, baseline_run, output)
         with pytest.raises(UsageError, match="there is no run"):
             SemanticObservation(env, tmp_path / "none", output)
-    with pytest.raises(UsageError, match="needs perception of a run of model 'semantic' or 'objects'"):
+    with pytest.raises(
+        UsageError, match="needs a run of one of the models semantic, semantic-map, objects, objects-map"
+    ):
         SemanticObservation(env, Pipeline(PipelineConfig(embedding="hashed"), "classes"), "vector")
     for frames in (8, 24, 40):  # stopped while looking for the threshold, in PCA, in Birch
         train(tmp_path / f"short-{frames}", tiny(frames=frames))
@@ -167,3 +169,28 @@ def test_slots_are_what_the_agent_sees_and_wrappers_share_no_tracks(objects_run)
         if after is not None:
             observation, *_ = env.step(after.action)
     assert any(step.state[0].any() for step in steps)
+
+
+def test_every_number_of_a_vector_has_a_name(semantic_run, objects_run, tracked_run):
+    for run in (semantic_run, objects_run, tracked_run):
+        env = SemanticObservation(make_env(CATCH), run)
+        names = env.feature_names
+        assert len(set(names)) == len(names) == env.observation_space.shape[0]
+        assert set(load_pipeline(run).names) <= set(names)
+    assert SemanticObservation(make_env(CATCH), objects_run, "labels").feature_names == ()
+    env = SemanticObservation(make_env(CATCH), objects_run)
+    seen, _ = env.reset(seed=0)
+    told = dict(zip(env.feature_names, seen.tolist(), strict=True))
+    assert told == {name: told[name] for name in env.feature_names} and told["change of free slot 0"] == 0
+
+
+def test_tracked_objects_are_drawn_as_labels_too(objects_run):
+    labels, _ = SemanticObservation(make_env(CATCH), objects_run, "labels").reset(seed=0)
+    assert labels.any()
+
+
+def test_perception_of_another_game_is_refused(objects_run):
+    pipeline = load_pipeline(objects_run)
+    pipeline.rom = "breakout"
+    with pytest.raises(UsageError, match="has learned to see breakout, not pong"):
+        SemanticObservation(make_env(), pipeline)

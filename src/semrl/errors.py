@@ -1,5 +1,9 @@
 """Errors whose message is all a person needs: one line that says what is wrong and what to do."""
 
+from importlib.metadata import requires
+
+from packaging.requirements import Requirement
+
 
 class SemrlError(Exception):
     """The run failed for a reason we can name; the command line prints it and exits with 1."""
@@ -19,11 +23,18 @@ class MissingExtraError(UsageError, ImportError):
     Parameters
     ----------
     extra : str
-        Name of the extra in ``pip install 'semrl[extra]'``.
+        Name of the extra, as in ``pyproject.toml``.
     purpose : str
         What it is needed for, to complete "... is needed for <purpose>".
     """
 
     def __init__(self, extra: str, purpose: str) -> None:
         self.extra = extra
-        super().__init__(f"the extra '{extra}' is needed for {purpose}: pip install 'semrl[{extra}]'")
+        super().__init__(f"the extra '{extra}' is needed for {purpose}: {how_to_get(extra)}")
+
+
+def how_to_get(extra: str) -> str:
+    """Return the command that installs what an extra of semrl needs."""
+    every = map(Requirement, requires("semrl") or ())
+    wanted = [one for one in every if one.marker and one.marker.evaluate({"extra": extra})]
+    return " ".join(["pip install", *(f"'{one.name}{one.specifier}'" for one in wanted)])

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from semrl.embedding import build_scene_graph
 from semrl.errors import UsageError
-from semrl.pipeline import Pipeline
+from semrl.pipeline import MODELS, Pipeline
 from semrl.runs import load_pipeline
+from semrl.state import rom_name
 from semrl.types import IMAGE_SIZE_PX, Observation
 
 
@@ -26,17 +27,25 @@ class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.ut
         Its observations are RGB frames, ``(height, width, 3)`` uint8; `make_env` gives such
         environments with frame skip.
     encoder
-        Folder of a trained run with perception (model ``birch`` or ``semantic``; vectors need ``semantic``
-        or ``objects``), or its `Pipeline`, which stays as it is.
+        Folder of a trained run of a model that sees objects (``birch``, ``semantic``, ``semantic-map``, ``objects``,
+        ``objects-map``; ``birch`` has no vectors), or its `Pipeline`, which stays as it is.
     output
         ``"vector"``: the embedding of the scene, or the slots of tracked objects, and its difference to the
-        previous one (§3.2.3), ``(2 d,)`` float32. ``"labels"``: every pixel in the grey level of its object's class,
-        ``(84, 84, 1)`` uint8.
+        previous one (§3.2.3), ``(2 d,)`` float32; `feature_names` tells which number is what. ``"labels"``: every pixel
+        in the grey level of its object's class, ``(84, 84, 1)`` uint8.
+
+    Attributes
+    ----------
+    feature_names : tuple of str
+        Of the numbers of a vector; those of labels have none.
+    pipeline : Pipeline
+        What it sees with.
 
     Raises
     ------
     UsageError
-        When the frames are no RGB images, or the run has not learned what the output needs.
+        When the frames are no RGB images, the run has not learned what the output needs, or was trained on another
+        Atari game.
     """
 
     def __init__(
@@ -54,6 +63,8 @@ class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.ut
         self.output = output
         self._previous: NDArray[np.float32] | None = None
         _check_learned(self.pipeline, output)
+        _check_game(self.pipeline, rom_name(env))
+        self.feature_names = _feature_names(self.pipeline) if output == "vector" else ()
         if output == "labels":
             self.observation_space = gym.spaces.Box(0, 255, (IMAGE_SIZE_PX, IMAGE_SIZE_PX, 1), np.uint8)
         else:
@@ -89,13 +100,18 @@ class SemanticVectorObservation(gym.vector.VectorObservationWrapper):
     env
         A vector environment; its observations are RGB frames, ``(n, height, width, 3)`` uint8.
     encoder
-        Folder of a trained run of the model ``semantic``, or its `Pipeline`.
+        Folder of a trained run, or its `Pipeline`, as of `SemanticObservation`.
+
+    Attributes
+    ----------
+    feature_names, pipeline
+        As of `SemanticObservation`.
 
     Raises
     ------
     UsageError
-        When the frames are no RGB images, the run has not learned to embed scenes, or environments begin anew
-        otherwise than at the next step (Gymnasium's default).
+        When the frames are no RGB images, the run has not learned to write scenes as vectors, or environments begin
+        anew otherwise than at the next step (Gymnasium's default).
     """
 
     def __init__(self, env: gym.vector.VectorEnv[Any, Any, Any], encoder: str | Path | Pipeline) -> None:
@@ -106,6 +122,7 @@ class SemanticVectorObservation(gym.vector.VectorObservationWrapper):
         _check_frames(env.single_observation_space)
         self.pipeline = encoder if isinstance(encoder, Pipeline) else load_pipeline(encoder)
         _check_learned(self.pipeline, "vector")
+        self.feature_names = _feature_names(self.pipeline)
         self.single_observation_space = _vector_space(self.pipeline)
         self.observation_space = gym.vector.utils.batch_space(self.single_observation_space, env.num_envs)
         self._begins = np.ones(env.num_envs, np.bool_)
@@ -152,15 +169,31 @@ def _vector_space(pipeline: Pipeline) -> gym.spaces.Box:
     return gym.spaces.Box(-np.inf, np.inf, (2 * pipeline.shape[0],), np.float32)
 
 
+def _feature_names(pipeline: Pipeline) -> tuple[str, ...]:
+    """Name the numbers of a vector, then their differences; those of an embedding mean nothing by themselves."""
+    facts, d = pipeline.facts, pipeline.shape[0]
+    names = [f"embedding {i}" for i in range(d)]
+    if pipeline.names:
+        named = pipeline.names[: facts.stop - facts.start]
+        free = [f"free slot {i}" for i in range(facts.stop - facts.start - len(named))]
+        names[facts] = [*named, *free]
+    return (*names, *(f"change of {name}" for name in names))
+
+
+def _check_game(pipeline: Pipeline, rom: str | None) -> None:
+    if pipeline.rom and rom and pipeline.rom != rom:
+        raise UsageError(f"this perception has learned to see {pipeline.rom}, not {rom}: train a run on {rom}")
+
+
 def _check_learned(pipeline: Pipeline, output: str) -> None:
     """Complain of what was not learned; the embedding does so itself when it is shown an empty scene."""
-    views = {"labels": ("classes", "embedding"), "vector": ("embedding", "objects")}
+    views = {"labels": ("classes", "embedding", "objects"), "vector": ("embedding", "objects")}
     if output not in views:
         raise UsageError(f"output must be 'vector' or 'labels', not '{output}'")
     if pipeline.view not in views[output]:
+        models = ", ".join(model for model, view in MODELS.items() if view in views[output])
         raise UsageError(
-            f"output '{output}' needs perception of a run of model 'semantic'"
-            f" or '{'birch' if output == 'labels' else 'objects'}'; this one sees '{pipeline.view}'"
+            f"output '{output}' needs a run of one of the models {models}; this one sees '{pipeline.view}'"
         )
     detects = pipeline.roles.is_fitted if pipeline.follows else pipeline.detector.is_fitted
     if not (detects and pipeline.pca.is_fitted and pipeline.birch.n_leaves_):

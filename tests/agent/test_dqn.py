@@ -296,6 +296,20 @@ def test_one_head_is_followed_until_a_reward_or_for_a_while():
     assert changes == pytest.approx(7 / 8 / 20, rel=0.3) and set(followed) == set(range(8))
 
 
+def test_heads_give_way_to_their_mean_in_the_second_half():
+    agent = agent_with(heads=8, voting=1.0, exploration_max=1e-12, exploration_min=1e-12, initial_buffer=10**6)
+    agent.budget = 100
+    state = np.ones((2, 3), np.float32)
+    heads = agent.network(torch.ones(1, 2, 3)).detach().numpy().reshape(8, -1)
+    agent._head = int(np.flatnonzero(heads.argmax(axis=1) != agent.best_action(state))[0])  # one that differs
+    shares = []
+    for agent.decisions_ in (0, 50, 75, 100):
+        acts = [agent.act(state) for _ in range(200)]
+        assert set(acts) <= {heads[agent._head].argmax(), agent.best_action(state)}
+        shares.append(np.mean(np.array(acts) == agent.best_action(state)))
+    assert shares[:2] == [0, 0] and 0.3 < shares[2] < 0.7 and shares[3] == 1
+
+
 def test_heads_learn_their_own_values_and_play_by_their_mean():
     agent = live(agent_with(heads=5, learning_rate=1e-2), 200)
     state = np.ones((2, 3), np.float32)

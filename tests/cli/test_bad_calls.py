@@ -55,7 +55,7 @@ def new_run(tmp_path, tiny):
         ("train --env os:Evil-v0 --run RUN", "unknown environment"),
         ("train --env semrl/FourRooms-v0 --model otsu --run RUN", "not RGB frames"),
         ("train --env CartPole-v1 --model otsu --run RUN", "not RGB frames"),
-        ("train --env semrl/Catch-v0 --model ram --run RUN", "is not mapped"),
+        ("train --env semrl/Catch-v0 --model ram --run RUN", "has no mapped RAM"),
         ("train --env semrl/Catch-v0 --model otsu --environment.actions JUMP --run RUN", "has no action JUMP"),
         ("train --config RUN/none.toml", "cannot read"),
         ("train --resume", "--resume needs --run"),
@@ -91,7 +91,7 @@ def test_a_box_becomes_one_line():
 def test_a_run_that_exists_is_not_overwritten(call, semantic_run):
     before = (semantic_run / "config.toml").read_bytes()
     result = call("train", *CATCH, "--model", "otsu", "--run", semantic_run)
-    assert result.status == 2 and "exists; add --resume" in result.message and result.err.count("\n") == 1
+    assert result.status == 2 and "exists: go on with it" in result.message and result.err.count("\n") == 1
     assert (semantic_run / "config.toml").read_bytes() == before
 
 
@@ -311,7 +311,7 @@ def test_a_missing_extra_is_named(call, tmp_path, tiny_toml, monkeypatch):
 
     monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", None)
     result = call("train", "--config", tiny_toml("otsu"), "--run", tmp_path / "run", "--tensorboard")
-    assert result.status == 2 and "pip install 'semrl[tensorboard]'" in result.message
+    assert result.status == 2 and "pip install 'tensorboard>=" in result.message
     assert not (tmp_path / "run").exists()
 
 

@@ -14,12 +14,13 @@ import numpy as np
 import pytest
 
 from semrl import __version__
+from semrl.cli import doctor
 from semrl.cli.main import COMMANDS
 from semrl.runs import RunConfig, RunFolder, preset
 from semrl.runs.metrics import read_metrics
 
 TRAIN_KEYS = {"run", "model", "env", "seed", "frames", "decisions", "episodes", "return_mean_last10", "seconds"}
-EVAL_KEYS = {"run", "policy", "episodes", "mean", "std", "min", "max", "returns", "lengths"}
+EVAL_KEYS = {"run", "policy", "episodes", "mean", "std", "min", "max", "returns", "lengths", "rewards", "conditions"}
 
 
 def only_json(result):
@@ -63,7 +64,7 @@ def test_how_far_it_sees_ahead_is_told_and_written(call, tmp_path, map_run):
     told = only_json(call("foresee", run, "--decisions", 50, "--seed", 3, "--json"))
     written = json.loads((run / "foresight.json").read_text())
     assert told.pop("run") == str(run)
-    assert written.pop("with") == {"learned_from": 150, "seed": 3, "policy": "agent", "exploration": 0.01}
+    assert written["conditions"] == {"learned_from": 150, "seed": 3, "policy": "agent", "exploration": 0.01}
     assert written == told and told["decisions"] >= 50 and np.sum(told["confusion"]) == told["decisions"]
     result = call("foresee", run, "--decisions", 50, "--seed", 3)
     assert result.status == 0 and f"{told['explained']['1']:.1%} of the variance" in result.out
@@ -133,6 +134,13 @@ def test_doctor_knows_every_package(call):
     assert {"numpy", "torch", "gymnasium", "gensim", "stable-baselines3"} <= packages.keys()
     assert packages["numpy"]["installed"] == np.__version__ and packages["gensim"]["for"] == "thesis"
     assert "numpy" in call("doctor").out
+
+
+def test_doctor_sees_what_is_missing_or_too_old(call, monkeypatch):
+    monkeypatch.setattr(doctor, "requires", lambda _: ["numpy>=99", "no-such-thing>=2; extra == 'sb3'", "torch>=1"])
+    told = only_json(call("doctor", "--json"))
+    assert [row["ok"] for row in told["packages"]] == [False, False, True]
+    assert "pip install 'numpy>=99' 'no-such-thing>=2'" in call("doctor").out
 
 
 @pytest.mark.parametrize("argv", [[], ["--help"], ["-h"], ["--version"], *([name, "--help"] for name in COMMANDS)])

@@ -7,12 +7,14 @@ import pytest
 
 import semrl.cli.explain as command
 from semrl.report import telling
+from semrl.runs import evaluate, load_player
 from semrl.runs.explaining import explain
+from semrl.runs.rules import unit_of
 
 KEYS = {
     "run", "model", "env", "trained_decisions", "policy", "seed", "episode", "step", "exploration", "return_so_far",
-    "features", "place", "path", "cutoff", "scenarios", "n_scenarios", "reason", "goal", "deed", "aftermath", "objects",
-    "joined", "html",
+    "features", "place", "path", "cutoff", "scenarios", "n_scenarios", "n_imagined", "reason", "goal", "deed",
+    "aftermath", "objects", "joined", "html",
 }  # fmt: skip
 
 
@@ -24,6 +26,23 @@ def test_one_json_object(call, map_run):
     assert (told["episode"], told["step"], told["policy"]) == (1, 6, "planner")
     wanted = explain(map_run, episode=1, step=6, policy="planner").to_json()
     assert told == json.loads(json.dumps(wanted | {"html": None}))
+
+
+def test_decisions_under_other_conditions_are_those_of_such_an_evaluation(call, map_run):
+    """What lost a game with sticky actions can only be seen in that game."""
+    told = evaluate(map_run, episodes=1, sticky_actions=0.5)
+    decision = told.rewards[0][0][0]
+    explained = call("explain", map_run, "--step", decision, "--sticky-actions", 0.5, "--json")
+    assert json.loads(explained.out)["aftermath"]["rewards"][0] == told.rewards[0][0][1]
+    wrong = call("explain", map_run, "--step", 0, "--at", 7)
+    assert wrong.status == 2 and "no milestone of decision 7" in wrong.message
+
+
+def test_the_state_is_told_in_the_units_of_the_rules(tracked_run):
+    features = explain(tracked_run, episode=0, step=3).features
+    player = load_player(tracked_run)
+    assert unit_of(player) == 0.01 and features.keys() == set(player.pipeline.names)
+    assert max(features.values()) == 100
 
 
 def test_people_are_told(call, map_run, monkeypatch):

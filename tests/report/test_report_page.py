@@ -24,7 +24,7 @@ def make_run(path, *, model="semantic", seed=0, metrics=True, evaluation=True, g
     if evaluation:
         content = {"run": str(path), "policy": "agent", "episodes": 30, "returns": []}
         content |= {"mean": -12.3, "std": 3.5, "min": -19.0, "max": 4.0}
-        content["with"] = {"decisions": 5900, "seed": 1, "max_noops": 30}
+        content["conditions"] = {"decisions": 5900, "seed": 1, "max_noops": 30}
         write_text(path / "evaluation.json", json.dumps(content))
     if gallery:
         write_arrays(path / "gallery.npz", gallery_arrays())

@@ -70,6 +70,16 @@ def test_overrides_win_over_the_table_of_the_model_and_the_preset():
     assert config.agent == dataclasses.replace(preset("semrl", "ram").agent, n_steps=9)
 
 
+def test_a_file_may_hold_tables_of_models_too():
+    tables = {"ram": {"agent": {"n_steps": 7}}, "otsu": {"agent": {"n_steps": 8}}}
+    overrides = {"agent": {"n_steps": 9}, "models": tables}
+    assert [preset("semrl", model, overrides).agent.n_steps for model in ("ram", "otsu", "birch")] == [7, 8, 9]
+    with pytest.raises(UsageError, match=r"unknown setting 'models\.rma'; did you mean 'models\.ram'"):
+        preset("semrl", "ram", {"models": {"rma": {}}})
+    with pytest.raises(UsageError, match="holds a table for each model"):
+        preset("semrl", "ram", {"models": 3})
+
+
 def test_the_model_of_an_override_chooses_the_table():
     assert preset("semrl", None, {"model": "birch"}) == preset("semrl", "birch")
     assert preset("semrl", "otsu", {"model": "birch"}) == preset("semrl", "otsu")

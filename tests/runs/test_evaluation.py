@@ -8,7 +8,7 @@ from stopping import stopped
 
 from semrl.arrays import unnest
 from semrl.errors import SemrlError, UsageError
-from semrl.runs import EvaluationResult, RunFolder, evaluate, load_pipeline, load_player, train
+from semrl.runs import RunFolder, evaluate, load_pipeline, load_player, train
 from semrl.runs.evaluation import EVALUATION_SEED
 from semrl.runs.session import build_trainer
 from semrl.state import Game, make_env
@@ -24,8 +24,10 @@ def test_the_same_seed_gives_the_same_returns(semantic_run):
 def test_what_is_told_is_what_is_written(semantic_run):
     result = evaluate(semantic_run)
     written = json.loads((semantic_run / "evaluation.json").read_text())
-    provenance = written.pop("with")
-    assert EvaluationResult(**written) == result
+    assert written == json.loads(json.dumps(dataclasses.asdict(result)))
+    provenance = result.conditions
+    for total, length, rewards in zip(result.returns, result.lengths, result.rewards, strict=True):
+        assert total == sum(reward for _, reward in rewards) and all(0 <= at < length for at, _ in rewards)
     config = RunFolder.open(semantic_run).config()
     assert result.episodes == len(result.returns) == config.evaluation.episodes == provenance["episodes"]
     assert provenance["seed"] == config.seed + EVALUATION_SEED and provenance["decisions"] == 150
@@ -121,7 +123,7 @@ def test_runs_that_cannot_play_are_told_apart(tmp_path, tiny):
         evaluate(tmp_path / "short")
     half = stopped(tmp_path / "half", tiny(), 90)
     assert evaluate(half, episodes=1).episodes == 1
-    assert json.loads((half / "evaluation.json").read_text())["with"]["decisions"] == 91
+    assert json.loads((half / "evaluation.json").read_text())["conditions"]["decisions"] == 91
 
 
 def test_checkpoints_that_do_not_fit_are_told(tmp_path, tiny, baseline_run):

@@ -33,7 +33,7 @@ def test_an_existing_path_is_never_touched(run, tmp_path):
     (tmp_path / "file").write_text("mine")
     (tmp_path / "empty").mkdir()
     for path in (run.path, tmp_path / "file", tmp_path / "empty"):
-        with pytest.raises(UsageError, match="exists; add --resume"):
+        with pytest.raises(UsageError, match="exists: go on with it"):
             RunFolder.create(path, RunConfig())
     assert (tmp_path / "file").read_text() == "mine" and run.config().seed == 3
 

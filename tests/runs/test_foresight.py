@@ -55,7 +55,7 @@ def test_a_milestone_foresees_as_it_did_then(tmp_path, tracked_run):
     train(run, replace(config, milestones=(200,)))
     now, then = foresight(run, decisions=60), foresight(run, decisions=60, at=200)
     assert {path.name for path in run.glob("foresight*")} == {"foresight.json", "foresight-at-200.json"}
-    assert json.loads((run / "foresight-at-200.json").read_text())["with"]["learned_from"] == 200
+    assert json.loads((run / "foresight-at-200.json").read_text())["conditions"]["learned_from"] == 200
     assert now != then
     with pytest.raises(UsageError, match="has no milestone of decision 100"):
         foresight(run, at=100)

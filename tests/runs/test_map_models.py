@@ -84,8 +84,8 @@ def test_the_planner_plays_and_leaves_the_agents_result_alone(own_run):
     planner = evaluate(own_run, episodes=3, policy="planner")
     assert (own_run / "evaluation.json").read_bytes() == written
     told = json.loads((own_run / "evaluation-planner.json").read_text())
-    provenance = told.pop("with")
-    assert told == asdict(planner)
+    provenance = told["conditions"]
+    assert told == json.loads(json.dumps(asdict(planner)))
     assert (agent.policy, planner.policy, planner.episodes) == ("agent", "planner", 3)
     config = RunFolder.open(own_run).config()
     assert provenance["seed"] == config.seed + EVALUATION_SEED and provenance["decisions"] == config.decisions
@@ -98,11 +98,11 @@ def test_other_conditions_leave_the_plain_result_alone_and_stand_in_the_files_na
     shaken = evaluate(own_run, episodes=2, exploration=1.0)
     assert (own_run / "evaluation.json").read_bytes() == written
     told = json.loads((own_run / "evaluation-random-1.json").read_text())
-    assert told.pop("with")["exploration"] == 1.0 and told == asdict(shaken)
+    assert told["conditions"]["exploration"] == 1.0 and told == json.loads(json.dumps(asdict(shaken)))
     assert shaken.lengths != plain.lengths or shaken.returns != plain.returns
     evaluate(own_run, episodes=1, policy="planner", sticky_actions=0.25)
     path = own_run / "evaluation-planner-sticky-0.25.json"
-    assert json.loads(path.read_text())["with"]["sticky_actions"] == 0.25
+    assert json.loads(path.read_text())["conditions"]["sticky_actions"] == 0.25
 
 
 def test_playing_by_plans_learns_nothing(own_run):

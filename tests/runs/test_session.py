@@ -2,6 +2,7 @@ import errno
 import json
 import os
 import signal
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -209,3 +210,14 @@ def test_two_processes_cannot_train_one_run(tmp_path, tiny):
     with folder.locked(), pytest.raises(UsageError, match="another process"):
         train(folder.path)
     train(folder.path)
+
+
+def test_a_finished_run_whose_learning_is_lost_is_trained_again(tmp_path, tiny):
+    first = train(str(tmp_path / "run"), tiny("otsu", frames=160))  # a path may be text
+    folder = RunFolder.open(tmp_path / "run")
+    before = folder.manifest()["hashes"]
+    for checkpoint in folder.checkpoints():
+        checkpoint.unlink()
+    again = train(tmp_path / "run")
+    assert folder.manifest()["hashes"] == before and folder.checkpoints()
+    assert replace(again, seconds=0) == replace(first, seconds=0)

@@ -172,8 +172,16 @@ def test_sticky_actions_are_random_and_follow_from_the_seed(env_id):
 def test_an_unknown_environment_gets_a_suggestion():
     with pytest.raises(UsageError, match="unknown environment 'PongNoFrameskp-v4'; did you mean PongNoFrameskip-v4"):
         make_env("PongNoFrameskp-v4")
+    with pytest.raises(UsageError, match="did you mean PongNoFrameskip-v4"):
+        make_env("pong")
     with pytest.raises(UsageError, match="unknown environment"):
         make_env("no/such:thing")
+
+
+def test_it_can_be_filmed():
+    env = make_env(render_mode="rgb_array")
+    frame, _ = env.reset(seed=0)
+    np.testing.assert_array_equal(env.render(), frame)
 
 
 def test_what_shows_no_frames_is_refused():

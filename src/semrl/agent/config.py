@@ -25,6 +25,9 @@ class DQNConfig:
     """Estimates of the values side by side (bootstrapped DQN, Osband et al. 2016); one at a time is followed."""
     head_decisions: int = 100
     """Decisions after which the head to follow is drawn anew, on average; after a reward it always is."""
+    voting: float = 0.0
+    """Share of the decisions at the end of the budget that all of them together make, by their mean; it grows evenly
+    through the second half, as exploration falls."""
     learning_rate: float = 1e-4
     """Step size of Adam."""
     final_learning_rate: float = 1.0
@@ -90,7 +93,7 @@ _COUNTS = (
     "target_updates",
 )  # fmt: skip
 _SHARES = (
-    "exploration_min", "exploration_max", "final_exploration", "final_learning_rate", "discount", "reward_share",
-    "target_rate",
+    "exploration_min", "exploration_max", "final_exploration", "voting", "final_learning_rate", "discount",
+    "reward_share", "target_rate",
 )  # fmt: skip
 _POSITIVE = ("exploration_min", "learning_rate", "adam_epsilon", "target_rate")

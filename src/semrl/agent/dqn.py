@@ -98,7 +98,10 @@ class DQN:
             return int(self._rng.integers(self.n_actions))
         if advised is not None:
             return advised
-        return int(self._head_values(state[None])[0, self._head].argmax())
+        values = self._head_values(state[None])[0]
+        share = self.config.voting * (1 - self._late(0.0))
+        followed = values.mean(axis=0) if share and self._rng.random() < share else values[self._head]
+        return int(followed.argmax())
 
     def best_action(self, state: NDArray[Any]) -> int:
         """Return the action of the highest value in a state, ``(2, *shape)``."""

@@ -6,6 +6,7 @@ import platform
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
+from typing import Any
 
 from packaging.requirements import Requirement
 from rich.table import Table
@@ -16,7 +17,7 @@ from semrl.cli.progress import console
 
 @dataclass(frozen=True, kw_only=True)
 class DoctorArguments:
-    """Show the versions in use, the processor threads, and which extras are missing."""
+    """Show the versions in use, and what is missing or too old and how to get it."""
 
     json: bool = False
     """Print one JSON object as the only line of standard output."""
@@ -32,17 +33,19 @@ def main(argv: Sequence[str]) -> None:
         return
     table = Table("package", "installed", "needed", "for", box=None, padding=(0, 2, 0, 0))
     for row in rows:
-        table.add_row(*(str(row[key] or "[red]missing[/]") for key in ("package", "installed", "needed", "for")))
+        installed = row["installed"] or "missing"
+        shown = installed if row["ok"] else f"[red]{installed}[/]"
+        table.add_row(row["package"], shown, row["needed"], row["for"])
     console.print(
         f"Python {machine['python']} on {machine['system']}, {machine['cores']} cores; runs use one thread each"
     )
     console.print(table)
-    extras = sorted({str(row["for"]) for row in rows if row["installed"] is None} - {"semrl"})
-    if extras:
-        console.print(f"To get what is missing: pip install 'semrl[{','.join(extras)}]'")
+    lacking = [f"'{row['package']}{row['needed']}'" for row in rows if not row["ok"]]
+    if lacking:
+        console.print(f"To get what is missing: pip install {' '.join(lacking)}", soft_wrap=True)
 
 
-def _look(requirement: Requirement) -> dict[str, str | None]:
+def _look(requirement: Requirement) -> dict[str, Any]:
     try:
         installed: str | None = version(requirement.name)
     except PackageNotFoundError:
@@ -52,6 +55,7 @@ def _look(requirement: Requirement) -> dict[str, str | None]:
     return {
         "package": requirement.name,
         "installed": installed,
+        "ok": installed is not None and requirement.specifier.contains(installed, prereleases=True),
         "needed": str(requirement.specifier),
         "for": extra,
     }

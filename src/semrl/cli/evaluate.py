@@ -3,6 +3,7 @@
 import contextlib
 import dataclasses
 import json as json_format
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,9 @@ from semrl.cli.progress import console, progress_bars, summary
 from semrl.runs import RunFolder, evaluate
 from semrl.runs.player import Policy, Step
 from semrl.runs.recording import recorder
+
+REWARDS_SHOWN = 6
+"""Of each sign."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +39,7 @@ class EvalArguments:
     at: int | None = None
     """Play as the agent was after so many decisions: one of the run's milestones [default: as it is now]."""
     video: Path | None = None
-    """Write the first episode, with its objects marked, as an .mp4 file."""
+    """Write the first episode, with its objects marked, as an .mp4 file: 30 decisions a second, 5 minutes at most."""
     json: bool = False
     """Print one JSON object as the only line of standard output."""
 
@@ -46,6 +50,7 @@ def main(argv: Sequence[str]) -> None:
     config = RunFolder.open(arguments.run).config()
     episodes = config.evaluation.episodes if arguments.episodes is None else arguments.episodes
     returns: list[float] = []
+    shown = [0.0]
     bars = progress_bars()
     with contextlib.ExitStack() as stack:
         record = stack.enter_context(recorder(arguments.run, arguments.video))
@@ -55,6 +60,10 @@ def main(argv: Sequence[str]) -> None:
                 stack.enter_context(bars)
                 bars.add_task("evaluate", total=episodes, note="")
             record(episode, step)
+            if step.action is not None and time.monotonic() - shown[0] > 0.5:
+                shown[0] = time.monotonic()
+                mean = f"mean return {sum(returns) / len(returns):.1f}, " if returns else ""
+                bars.update(bars.task_ids[0], note=f"{mean}this one {step.total:.0f}")
 
         def on_episode(total: float) -> None:
             returns.append(total)
@@ -79,5 +88,19 @@ def main(argv: Sequence[str]) -> None:
         "mean return": f"{result.mean:.2f} ± {result.std:.2f} over {result.episodes} episodes",
         "from … to": f"{result.min:.0f} … {result.max:.0f}",
         "decisions each": f"{min(result.lengths):,} … {max(result.lengths):,}",
+        **_rewards(result.rewards[0]),
         **({"video": arguments.video} if arguments.video else {}),
     }))  # fmt: skip
+
+
+def _rewards(first: Sequence[tuple[int, float]]) -> dict[str, object]:
+    """Say which decisions of the first episode brought rewards: what one may want to have explained."""
+    told: dict[str, object] = {}
+    for name, sign in (("losses", -1), ("gains", 1)):
+        places = [str(decision) for decision, reward in first if sign * reward > 0]
+        if places:
+            more = f" and {len(places) - REWARDS_SHOWN} more" if len(places) > REWARDS_SHOWN else ""
+            told[f"{name} of episode 0"] = (
+                f"decision{'s' * (len(places) > 1)} {', '.join(places[:REWARDS_SHOWN])}{more}"
+            )
+    return told

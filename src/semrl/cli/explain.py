@@ -24,8 +24,9 @@ class ExplainArguments:
     """Explain one decision of a run with a map: what was seen, where on the map that is, which way leads to a gain,
     what might come, what was done and why, and what really came.
 
-    Episodes are those of semrl eval with the same seed and policy; episode 0 is the one that its video shows, with the
-    number of each decision under the picture.
+    Episodes are those of semrl eval with the same seed, policy and conditions; it tells when the rewards of each fell.
+    Episode 0 is the one that its video shows, with the number of each decision under the picture. Numbers of the state
+    are in the units of semrl rules: percent of the image, RAM features in the emulator's pixels.
 
     Example:  semrl explain runs/first --step 120 --html why.html
     """
@@ -40,6 +41,12 @@ class ExplainArguments:
     """Who decides: the agent, or the planner's best scenario alone."""
     seed: int | None = None
     """Of the episodes [default: that of semrl eval]."""
+    exploration: float | None = None
+    """Probability of a random action [default: what the run is configured for, 0]."""
+    sticky_actions: float | None = None
+    """Probability that a frame repeats the previous action [default, and with 0: as in training]."""
+    at: int | None = None
+    """Play as the run was after so many decisions: one of its milestones [default: as it is now]."""
     html: Path | None = None
     """Also write it as one HTML page that needs no network."""
     json: bool = False
@@ -51,6 +58,7 @@ def main(argv: Sequence[str]) -> None:
     arguments = parse(ExplainArguments, argv, command="explain")
     if arguments.html:
         require_writable(arguments.html)  # what cannot be written is told before anything is played
+    asked = {"exploration": arguments.exploration, "sticky_actions": arguments.sticky_actions}
     with error_console.status(f"playing to decision {arguments.step} of episode {arguments.episode}"):
         explanation = explain(
             arguments.run,
@@ -58,6 +66,8 @@ def main(argv: Sequence[str]) -> None:
             step=arguments.step,
             seed=arguments.seed,
             policy=arguments.policy,
+            at=arguments.at,
+            **{name: value for name, value in asked.items() if value is not None},
         )
     if arguments.html:
         write_explanation(explanation, arguments.html)
@@ -92,7 +102,7 @@ def _rows(values: dict[str, str]) -> Table:
 
 
 def _scenarios(e: Explanation) -> Table:
-    title = f"best {len(e.scenarios)} of {e.n_scenarios:,} scenarios"
+    title = telling.choice(e)
     columns = ("", Column(title, min_width=len(title)), "return", "doubt", "rewards", "ends in")
     table = Table(*columns, box=None, padding=(0, 2, 0, 0), header_style="dim")
     for scenario in e.scenarios:

@@ -18,7 +18,7 @@ from rich.progress import (
     TextColumn,
     TimeRemainingColumn,
 )
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from semrl.runs import RunConfig
@@ -41,14 +41,19 @@ def progress_bars() -> Progress:
     """Make bars with count, rate, time left and a note."""
     return Progress(
         TextColumn("{task.description:<10}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        _Rate(),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[note]}"),
+        BarColumn(bar_width=12),
+        MofNCompleteColumn(table_column=_whole()),
+        _Rate(table_column=_whole()),
+        TimeRemainingColumn(compact=True, table_column=_whole()),
+        TextColumn("{task.fields[note]}", table_column=Column(no_wrap=True, overflow="ellipsis")),
         console=error_console,
         speed_estimate_period=20,
     )
+
+
+def _whole() -> Column:
+    """Make a column that a narrow terminal does not cut."""
+    return Column(no_wrap=True, min_width=1, overflow="fold")
 
 
 class TrainingProgress:

@@ -28,7 +28,8 @@ class ReproduceArguments:
     games, the same on Breakout, Freeway and Boxing.
 
     Results, runs and one page, report.html, go into a folder. What is there already is not done again, so that it can
-    be stopped at any moment: the same command goes on. At full scale what lies in docs/results counts as well.
+    be stopped at any moment: the same command goes on. At full scale what lies in docs/results of a checkout counts as
+    well, unless it is to be measured --afresh.
 
     Example:  semrl reproduce clusters retrieval
     """
@@ -45,6 +46,8 @@ class ReproduceArguments:
     """Which runs come first."""
     only: tuple[str, ...] = ()
     """Train only runs that match one of these patterns, such as 'semrl-ram*' for PRESET-MODEL-SEED."""
+    afresh: bool = False
+    """Measure and train what docs/results holds as well."""
     json: bool = False
     """Print one JSON object as the only line of standard output."""
 
@@ -53,14 +56,14 @@ def main(argv: Sequence[str]) -> None:
     """Parse, measure, write the page, tell."""
     arguments = parse(ReproduceArguments, argv, command="reproduce")
     out = arguments.out or Path("runs") / f"reproduce-{arguments.scale}"
-    order = Order(workers=arguments.workers, order=arguments.order, only=arguments.only)
+    order = Order(workers=arguments.workers, order=arguments.order, only=arguments.only, afresh=arguments.afresh)
     done = reproduce(arguments.names, scale=arguments.scale, out=out, order=order, say=_say)
     page = write_reproduction(done.sections, out / "report.html", scale=arguments.scale)
     if done.failures:
         name, said = next(iter(done.failures.items()))
         raise SemrlError(f"{len(done.failures)} runs failed, the first of them {name}: {said}; the rest is in {page}")
     if arguments.json:
-        print(json_format.dumps({"results": [dataclasses.asdict(row) for row in done.rows]}))
+        print(json_format.dumps({"page": str(page), "results": [dataclasses.asdict(row) for row in done.rows]}))
         return
     console.print(_table(done.rows))
     console.print(f"page: {page.resolve().as_uri()}", soft_wrap=True)

@@ -68,7 +68,7 @@ def tell(result: TrainResult, *, as_json: bool) -> None:
         "played": f"{result.decisions:,} decisions ({result.frames:,} frames), {result.episodes} episodes of the agent",
         "mean return, last 10": "no episode finished" if last is None else f"{last:.1f}",
         "took": f"{result.seconds / 60:.1f} minutes",
-        "next": f"semrl eval {result.run}   ·   semrl report {result.run}",
+        "next": f"semrl eval {result.run} --episodes 5   ·   semrl report {result.run}",
     }))  # fmt: skip
 
 

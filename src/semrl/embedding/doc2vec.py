@@ -1,7 +1,7 @@
 """The thesis's own embedding (§3.2.3): gensim's Doc2Vec over the words of a scene.
 
 Le and Mikolov, "Distributed representations of sentences and documents", ICML 2014. Gensim is an extra:
-``pip install 'semrl[thesis]'``.
+``pip install gensim``.
 """
 
 import hashlib

@@ -44,11 +44,14 @@ class Order:
         Cheapest first, or as Table 4.1 lists them, preset after preset.
     only
         Patterns such as ``semrl-ram*``: of the runs only those that match one of them; empty: all.
+    afresh
+        Leave out of account what lies in ``docs/results``.
     """
 
     workers: int = 2
     order: Literal["cheapest", "listed"] = "cheapest"
     only: tuple[str, ...] = ()
+    afresh: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,8 +106,9 @@ def reproduce(
     chosen = _chosen(names)
     specs = _wanted(chosen, scale, order)
     make_folder(out)
-    shipped = (SHIPPED,) if scale == SHIPPED_SCALE else ()
+    shipped = (SHIPPED,) if scale == SHIPPED_SCALE and not order.afresh else ()
     lab = Lab(scale=scale, folder=out, ledger=read_ledger((out, *shipped)), shipped=shipped, say=say)
+    _tell_known(lab, specs)
     with limited_threads(1):
         for experiment in chosen:
             if not experiment.runs:
@@ -121,6 +125,14 @@ def reproduce(
     named = {experiment.name for experiment in chosen}
     rows = tuple(row for section in sections if section.name in named for row in section.rows)
     return Reproduction(sections=sections, rows=rows, failures=queue.failed)
+
+
+def _tell_known(lab: Lab, specs: Sequence[RunSpec]) -> None:
+    """Say how many runs need not be trained because they were before, on another machine."""
+    own = read_ledger((lab.folder,))
+    known = [spec for spec in specs if lab.ledger.is_done(spec) and not own.is_done(spec)]
+    if known:
+        lab.say(f"{len(known)} of {len(specs)} runs are known from {SHIPPED}; --afresh trains them again")
 
 
 def _chosen(names: Sequence[str]) -> list[Experiment]:

@@ -185,7 +185,7 @@ def _numbers() -> tuple[Number, ...]:
                 id=f"table4.1/{model}/{name}",
                 thesis=value,
                 unit="return",
-                better="lower" if name == "std" else "higher",
+                better="near" if name == "std" else "higher",  # who loses every game never varies
             )
             for name, value in zip(names, row, strict=True)
         ]  # fmt: skip

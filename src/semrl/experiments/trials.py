@@ -37,7 +37,7 @@ class Trial:
         decisions = config.frames // config.environment.frame_skip if self.at is None else self.at
         wanted = {"decisions": decisions, "seed": config.seed + EVALUATION_SEED, "episodes": self.episodes}
         try:
-            told = json.loads(self.path(run).read_text())["with"]
+            told = json.loads(self.path(run).read_text())["conditions"]
             return bool(wanted.items() <= told.items())
         except FileNotFoundError:
             return False

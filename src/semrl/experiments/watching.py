@@ -77,7 +77,7 @@ def watch(pipeline: Pipeline, config: RunConfig, decisions: int, seed: int) -> W
         When the game is not Pong, whose truth alone is known.
     """
     if pipeline.rom != "pong":
-        raise UsageError(f"embeddings are compared on Pong, where the truth is known, not on {pipeline.rom}")
+        raise UsageError(f"embeddings are compared on Pong, where the truth is known, not on {config.env}")
     game, rng = Game(make_env(config.env, config.environment), seed), np.random.default_rng(seed)
     addresses = [GAMES["pong"].ram_addresses[name] for name in COORDINATES]
     scenes, coordinates, starts = [], [], []

@@ -49,7 +49,7 @@ class Pipeline:
         self.config = config
         self.view = view
         self._listed = False
-        self.rom = rom or "a game without ROM"
+        self.rom = rom
         self.detector = OtsuDetector(config.detection)
         self.foreground = ForegroundDetector(config.foreground)
         self.pca = ObjectPCA(config.pca)
@@ -90,7 +90,7 @@ class Pipeline:
     def names(self) -> tuple[str, ...]:
         """Names of the facts, where they have names; of slots, only those that are in use."""
         if self.view == "ram":
-            return ram_feature_names(self.rom)
+            return ram_feature_names(self.rom or "")
         if self.view == "objects" or self._listed:
             return tuple(f"{role} {name}" for role in self.roles.names_ for name in SLOT_NUMBERS)
         return ()
@@ -111,7 +111,7 @@ class Pipeline:
         """
         if self.view == "ram":
             assert observation.ram is not None, "games with mapped RAM have RAM"
-            return ram_features(self.rom, observation.ram)
+            return ram_features(self.rom or "", observation.ram)
         if self.follows:
             return self._tell(self.list_objects(observation))
         image = to_grey(observation.frame)

@@ -81,10 +81,10 @@ def _written(values: Sequence[float]) -> dict[str, str] | None:
 
 
 def _is_better(row: Row) -> bool:
-    """Whether ours is at least as good as the thesis's."""
+    """Whether ours is better than the thesis's."""
     if row.ours is None or row.thesis is None or row.better == "near":
         return False
-    return row.ours >= row.thesis if row.better == "higher" else row.ours <= row.thesis
+    return row.ours > row.thesis if row.better == "higher" else row.ours < row.thesis
 
 
 def _section(section: Section) -> dict[str, Any]:

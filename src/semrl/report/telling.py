@@ -78,6 +78,12 @@ def named(values: Iterable[tuple[str, float]]) -> str:
     return ", ".join(f"{name} {number(value, 2)}" for name, value in values)
 
 
+def choice(e: Explanation) -> str:
+    """Say how many scenarios are shown, of how many."""
+    before = f", chosen from {number(e.n_imagined)}" if e.n_imagined > e.n_scenarios else ""
+    return f"best {len(e.scenarios)} of {number(e.n_scenarios)} scenarios{before}"
+
+
 def place(e: Explanation) -> str:
     """Say where on the map the state lies, and how far a gain is."""
     here = f"Node {e.place.node}, which stands for {plural(e.place.states, 'state')} of play."

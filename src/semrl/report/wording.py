@@ -63,7 +63,7 @@ def tested(run: RunRecord) -> str:
     """Say how the evaluation was done."""
     if run.evaluation is None:
         return ""
-    with_ = run.evaluation.get("with") or {}
+    with_ = run.evaluation.get("conditions") or {}
     least, most = (number(run.evaluation[key]) for key in ("min", "max"))
     one = run.evaluation["episodes"] == 1
     text = (

@@ -110,7 +110,7 @@ def preset(name: str, model: str | None = None, overrides: Mapping[str, Any] | N
     model
         A model of Table 4.1; the preset's own when None.
     overrides
-        Nested values, as a TOML file gives them.
+        Nested values, as a TOML file gives them; they may hold such tables as well.
 
     Raises
     ------
@@ -126,7 +126,11 @@ def preset(name: str, model: str | None = None, overrides: Mapping[str, Any] | N
     chosen = model or overrides.get("model") or values.get("model", RunConfig().model)
     if not isinstance(chosen, str) or chosen not in MODELS:
         raise UsageError(f"unknown model '{chosen}'; there are {', '.join(MODELS)}")
-    layers = (values, special.get(chosen, {}), overrides, {"model": chosen})
+    own = overrides.pop("models", {})
+    if not isinstance(own, Mapping) or not all(isinstance(table, Mapping) for table in own.values()):
+        raise UsageError(f"preset {name}: 'models' holds a table for each model, [models.NAME]")
+    _check_keys(own, dict.fromkeys(MODELS), f"preset {name}", "models.")
+    layers = (values, special.get(chosen, {}), overrides, own.get(chosen, {}), {"model": chosen})
     merged: dict[str, Any] = {}
     for layer in layers:
         merged = merge(merged, layer)

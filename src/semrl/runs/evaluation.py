@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -34,6 +35,10 @@ class EvaluationResult:
     returns: list[float]
     lengths: list[int]
     """Decisions of each episode: games that went alike are of one length."""
+    rewards: list[list[tuple[int, float]]]
+    """Of each episode: the decisions, from 0, that brought a reward, and which."""
+    conditions: dict[str, Any]
+    """Who was tested how: decisions of training, seed, and the fields of `EvaluationConfig`."""
 
 
 def evaluate(
@@ -85,25 +90,35 @@ def evaluate(
     if policy == "planner":
         player.require_foresight(run)
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
-    games: list[tuple[float, int]] = []
+    games: list[_Game] = []
     with limited_threads(player.config.threads):
         for episode in range(player.config.evaluation.episodes):
             games.append(_game(player.episode(episode, seed, policy), partial(on_step, episode)))
-            on_episode(games[-1][0])
-    result = _summed_up(run, policy, games)
-    provenance = {"decisions": player.decisions, "seed": seed, **asdict(player.config.evaluation)}
+            on_episode(games[-1].total)
+    conditions = {"decisions": player.decisions, "seed": seed, **asdict(player.config.evaluation)}
+    result = _summed_up(run, policy, games, conditions)
     path = result_path(run, policy=policy, exploration=exploration, sticky_actions=sticky_actions, at=at)
-    write_text(path, json.dumps(asdict(result) | {"with": provenance}, indent=2) + "\n")
+    write_text(path, json.dumps(asdict(result)) + "\n")
     return result
 
 
-def _game(steps: Iterator[Step], on_step: Callable[[Step], None]) -> tuple[float, int]:
-    """Play an episode to its end; return its return and its decisions."""
-    decisions = -1  # the first step is the beginning
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Game:
+    total: float
+    decisions: int
+    rewards: list[tuple[int, float]]
+
+
+def _game(steps: Iterator[Step], on_step: Callable[[Step], None]) -> _Game:
+    """Play an episode to its end."""
+    decisions, total, rewards = -1, 0.0, []  # the first step is the beginning
     for step in steps:
         decisions += 1
+        if step.total != total:
+            rewards.append((decisions - 1, step.total - total))
+            total = step.total
         on_step(step)
-    return step.total, decisions
+    return _Game(total=total, decisions=decisions, rewards=rewards)
 
 
 def result_path(
@@ -122,8 +137,8 @@ def result_path(
     return Path(run) / f"{'-'.join(['evaluation', *parts])}.json"
 
 
-def _summed_up(run: str | Path, policy: Policy, games: Sequence[tuple[float, int]]) -> EvaluationResult:
-    returns = [total for total, _ in games]
+def _summed_up(run: str | Path, policy: Policy, games: Sequence[_Game], conditions: dict[str, Any]) -> EvaluationResult:
+    returns = [game.total for game in games]
     return EvaluationResult(
         run=str(run),
         policy=policy,
@@ -133,5 +148,7 @@ def _summed_up(run: str | Path, policy: Policy, games: Sequence[tuple[float, int
         min=min(returns),
         max=max(returns),
         returns=returns,
-        lengths=[decisions for _, decisions in games],
+        lengths=[game.decisions for game in games],
+        rewards=[game.rewards for game in games],
+        conditions=conditions,
     )

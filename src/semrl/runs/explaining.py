@@ -17,6 +17,7 @@ from semrl.reasoning import Reasoner
 from semrl.runs.evaluation import EVALUATION_SEED
 from semrl.runs.explanation import Aftermath, Deed, Explanation, Foresight, Hop, Place, Told
 from semrl.runs.player import Player, Policy, Step, load_player
+from semrl.runs.rules import unit_of
 from semrl.runs.session import limited_threads
 from semrl.runs.sight import Sight, look_again
 
@@ -24,14 +25,21 @@ SCENARIOS_SHOWN = 5
 
 
 def explain(
-    run: str | Path, *, episode: int, step: int, seed: int | None = None, policy: Policy = "agent"
+    run: str | Path,
+    *,
+    episode: int,
+    step: int,
+    seed: int | None = None,
+    policy: Policy = "agent",
+    at: int | None = None,
+    **conditions: Any,
 ) -> Explanation:
     """Explain one decision of an evaluation of a run with a map (§3.4.4).
 
     Parameters
     ----------
     run
-        Folder of the run; its newest checkpoint plays.
+        Folder of the run.
     episode
         Of the evaluation, from 0.
     step
@@ -40,15 +48,19 @@ def explain(
         Of the episodes; when None, that of `evaluate`.
     policy
         Who decides.
+    at
+        Decisions after which the run plays: one of its milestones; as it is now when None.
+    conditions
+        Fields of `EvaluationConfig` in which the evaluation was another than the run's own, such as ``sticky_actions``.
 
     Raises
     ------
     UsageError
-        When there is no such run, it has no map, or the episode ends before that decision.
+        When there is no such run or milestone, it has no map, or the episode ends before that decision.
     """
     if min(episode, step, seed or 0) < 0:
         raise UsageError(f"episode, step and seed must be 0 or more, not {episode}, {step} and {seed}")
-    player = load_player(run)
+    player = load_player(run, at).under(**conditions)
     reasoner = player.require_foresight(run)
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
     with limited_threads(player.config.threads):
@@ -74,6 +86,7 @@ def explain(
             cutoff=reasoner.config.long_term.cutoff,
             scenarios=tuple(thought.foresight(i) for i in range(thought.n_scenarios)[:SCENARIOS_SHOWN]),
             n_scenarios=thought.n_scenarios,
+            n_imagined=reasoner.config.short_term.scenarios or thought.n_scenarios,
             reason=reason(thought.plan),
             goal=thought.goal(),
             deed=thought.deed(played.actions[0], policy),
@@ -123,12 +136,13 @@ class _Thought:
         self.moment, self.plan = step.thought.moment, step.thought.plan
         self.graph, self.routes = reasoner.state_map.graph_, reasoner.routes
         self.action_names = player.action_names
+        self.unit = unit_of(player)
         self.n_scenarios = len(self.plan.scenarios)
 
     def features(self) -> dict[str, float]:
-        """Name the numbers of the state, where they have names."""
+        """Name the numbers of the state, where they have names, in the unit of the rules."""
         names = self.player.pipeline.names
-        return dict(zip(names, self.moment.states[0, : len(names)].tolist(), strict=True))
+        return dict(zip(names, (self.moment.states[0, : len(names)] / self.unit).tolist(), strict=True))
 
     def place(self) -> Place:
         """Tell where on the map the state lies."""
@@ -176,7 +190,10 @@ class _Thought:
         told, rest = [], self.state[0, self.reasoner.facts.stop :]
         for part in self.reasoner.config.goal.parts:
             numbers, rest = np.split(rest, [self._size(part)])
-            told.append(Told(part=part, numbers=tuple(numbers.tolist()), names=self._goal_names(part, numbers)))
+            told_in = self.unit if part == "state" else 1.0
+            told.append(
+                Told(part=part, numbers=tuple((numbers / told_in).tolist()), names=self._goal_names(part, numbers))
+            )
         return tuple(told)
 
     def deed(self, taken: int, policy: Policy) -> Deed:

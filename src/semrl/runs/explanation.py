@@ -169,11 +169,13 @@ class Explanation:
     frame, sight
         What was shown, and what perception made of it.
     features
-        Names and values of the state's numbers, where they have names.
+        Names and values of the state's numbers, where they have names, as the rules tell them: percent of the image, or
+        the emulator's pixels.
     place, path, cutoff
         Where on the map, the way to the nearest gain with the rewarding edge last, and the highest cost of one.
-    scenarios, n_scenarios, reason
-        The best, how many there were, and why the first one is the first.
+    scenarios, n_scenarios, n_imagined, reason
+        The best, how many were compared, how many were imagined before some models chose among them, and why the first
+        one is the first.
     goal, deed, aftermath
         What the agent was told, what was done, what came.
     """
@@ -196,6 +198,7 @@ class Explanation:
     cutoff: float
     scenarios: tuple[Foresight, ...]
     n_scenarios: int
+    n_imagined: int
     reason: str
     goal: tuple[Told, ...]
     deed: Deed

@@ -53,7 +53,9 @@ class RunFolder:
             When there is something at this path already.
         """
         if path.exists():
-            raise UsageError(f"{path} exists; add --resume to go on with it, or choose another --run")
+            raise UsageError(
+                f"{path} exists: go on with it (semrl train --run {path} --resume) or choose another folder"
+            )
         temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
         folder = cls(temporary)
         try:

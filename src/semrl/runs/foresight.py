@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,8 @@ class Quality:
         ``(3, 3)`` counts, what came in rows, what was foreseen in columns: a loss, nothing, a gain.
     balanced_accuracy
         Mean share of each kind that was foreseen, over those that came.
+    conditions
+        Decisions that the model learned from, and how the episodes were played.
     """
 
     decisions: int
@@ -50,6 +53,7 @@ class Quality:
     explained_vectors: dict[int, float]
     confusion: list[list[int]]
     balanced_accuracy: float
+    conditions: dict[str, Any]
 
 
 def foresight(
@@ -96,16 +100,17 @@ def foresight(
         for steps in _episodes(partial(player.episode, seed=seed, policy=policy), decisions, on_step):
             _compare(world, steps, facts, confusion)
         vectors = _embedded(player.pipeline, facts) if player.pipeline.facts.start else {}
+    conditions = {"learned_from": player.decisions, "seed": seed, "policy": policy, "exploration": PROBING}
     quality = Quality(
         decisions=int(confusion.sum()),
         explained=_explained(facts),
         explained_vectors=_explained(vectors),
         confusion=confusion.tolist(),
         balanced_accuracy=balanced_accuracy(confusion),
+        conditions=conditions,
     )
-    provenance = {"learned_from": player.decisions, "seed": seed, "policy": policy, "exploration": PROBING}
     path = Path(run) / (FILE if at is None else f"foresight-at-{at}.json")
-    write_text(path, json.dumps(asdict(quality) | {"with": provenance}, indent=2) + "\n")
+    write_text(path, json.dumps(asdict(quality), indent=2) + "\n")
     return quality
 
 

@@ -15,12 +15,11 @@ from semrl.pipeline import Pipeline
 from semrl.runs.files import temporary_name
 from semrl.runs.player import Step, load_player
 from semrl.runs.sight import CLASS_COLOURS, Sight, look
-from semrl.state import ram_feature_names
 from semrl.types import IMAGE_SIZE_PX, Frame, Ints
 
 VIDEO_RATE = 30
 """Decisions a second in videos: twice the speed of a game of 60 frames a second and frame skip 4."""
-MAX_VIDEO_FRAMES = 60 * VIDEO_RATE
+MAX_VIDEO_FRAMES = 300 * VIDEO_RATE
 
 _CODECS = ("libx264", "libopenh264", "mpeg4")  # the first that this build of FFmpeg has
 _DARK, _LIGHT = 20, (214, 218, 224)
@@ -36,7 +35,7 @@ def recorder(run: Path, video: Path | None) -> Iterator[Callable[[int, Step], No
     run
         Whose perception looks at the frames.
     video
-        An ``.mp4`` file, written whole or not at all; a minute at most, later decisions are left out.
+        An ``.mp4`` file, written whole or not at all; five minutes at most, later decisions are left out.
         None films nothing.
 
     Raises
@@ -152,7 +151,7 @@ def _seen(pipeline: Pipeline, sight: Sight, side: int) -> Frame:
     for first, second in sight.edges.tolist():
         cv2.line(panel, points[first], points[second], _LIGHT, 1, cv2.LINE_AA)
     if pipeline.view == "ram" and sight.seen is not None:
-        for i, (name, value) in enumerate(zip(ram_feature_names(pipeline.rom), sight.seen, strict=True)):
+        for i, (name, value) in enumerate(zip(pipeline.names, sight.seen, strict=True)):
             _write(panel, f"{name}  {value:.3f}", (16, 40 + 32 * i))
     return panel
 

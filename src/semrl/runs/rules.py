@@ -38,4 +38,12 @@ def rules_of(player: Player, *, most: int = MOST) -> list[Rule]:
     if not (isinstance(world, TreeWorld) and world.is_fitted):
         return []
     names = player.pipeline.names or tuple(f"number {i}" for i in range(player.pipeline.shape[0]))
-    return world.rules(names, player.action_names, most=most, unit=PERCENT if player.pipeline.follows else None)
+    return world.rules(names, player.action_names, most=most, unit=unit_of(player))
+
+
+def unit_of(player: Player) -> float:
+    """Return in which unit the numbers of a state are told: what 1 means, as a share of their range."""
+    if player.pipeline.follows:
+        return PERCENT
+    world = player.reasoner.world if player.reasoner else None
+    return world.config.resolution if isinstance(world, TreeWorld) else 1.0

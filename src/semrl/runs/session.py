@@ -43,7 +43,7 @@ class TrainResult:
     seconds: float
 
 
-def train(path: Path, config: RunConfig | None = None, *, observers: Sequence[Observer] = ()) -> TrainResult:
+def train(path: str | Path, config: RunConfig | None = None, *, observers: Sequence[Observer] = ()) -> TrainResult:
     """Train a run to the end of its budget.
 
     Parameters
@@ -63,6 +63,7 @@ def train(path: Path, config: RunConfig | None = None, *, observers: Sequence[Ob
     SemrlError
         When training fails or is stopped by SIGINT or SIGTERM; the last good checkpoint is kept.
     """
+    path = Path(path)
     if config is not None:
         build_trainer(config)  # what cannot work is told before anything is written
         folder = RunFolder.create(path, config)
@@ -134,9 +135,9 @@ class _Session:
         self._saved_at = time.monotonic()
 
     def run(self) -> TrainResult:
-        """Go on to the end of the budget; a finished run only tells its result again."""
+        """Go on to the end of the budget; a finished run only tells its result, unless what it learned is gone."""
         manifest = self.folder.manifest()
-        if manifest["status"] == "finished":
+        if manifest["status"] == "finished" and self.folder.checkpoints():
             return _told_before(manifest, self.folder)
         with self.folder.locked(), handling(self._stop, signal.SIGINT, signal.SIGTERM):
             self._begin()

@@ -99,7 +99,9 @@ def rom_name(env: Env) -> str | None:
     return str(game) if game and hasattr(env.unwrapped, "ale") else None
 
 
-def make_env(env_id: str = "PongNoFrameskip-v4", config: EnvironmentConfig | None = None) -> Env:
+def make_env(
+    env_id: str = "PongNoFrameskip-v4", config: EnvironmentConfig | None = None, *, render_mode: str | None = None
+) -> Env:
     """Make a ready-to-play environment: frame skip, no-op starts, sticky actions, chosen actions.
 
     Parameters
@@ -108,6 +110,8 @@ def make_env(env_id: str = "PongNoFrameskip-v4", config: EnvironmentConfig | Non
         A registered Gymnasium environment whose observations are RGB frames.
     config
         How it is played; the default is the thesis's.
+    render_mode
+        Gymnasium's, for those who film or watch: ``"rgb_array"`` or ``"human"``.
 
     Raises
     ------
@@ -115,23 +119,24 @@ def make_env(env_id: str = "PongNoFrameskip-v4", config: EnvironmentConfig | Non
         When the environment or an action is unknown, frames are no RGB images or actions not discrete.
     """
     config = config or EnvironmentConfig()
-    env = _make_base(env_id, config)
+    env = _make_base(env_id, config, render_mode)
     _check_spaces(env_id, env)
     if config.max_noops and NOOP in action_meanings(env):
         env = NoopStart(env, config.max_noops)
     return choose_actions(env, config.actions)
 
 
-def _make_base(env_id: str, config: EnvironmentConfig) -> Env:
+def _make_base(env_id: str, config: EnvironmentConfig, render_mode: str | None) -> Env:
     """Make the environment with its frame skip and sticky actions."""
+    rendered = {} if render_mode is None else {"render_mode": render_mode}  # not every environment knows the word
     ale_py.ALEInterface.setLoggerMode(ale_py.LoggerMode.Error)
     gym.register_envs(ale_py)
     register_worlds()
     try:
         spec = gym.spec(env_id)
     except gym.error.Error:
-        close = difflib.get_close_matches(env_id, gym.registry, n=1)
-        hint = f"; did you mean {close[0]}?" if close else ""
+        close = _similar(env_id)
+        hint = f"; did you mean {close}?" if close else ""
         raise UsageError(f"unknown environment '{env_id}'{hint}") from None
     try:
         if str(spec.entry_point).startswith("ale_py"):
@@ -141,13 +146,21 @@ def _make_base(env_id: str, config: EnvironmentConfig) -> Env:
                 frameskip=config.frame_skip,
                 repeat_action_probability=config.sticky_actions,
                 disable_env_checker=True,
+                **rendered,
             )
-        env = gym.make(env_id, disable_env_checker=True)
+        env = gym.make(env_id, disable_env_checker=True, **rendered)
     except (gym.error.Error, ImportError) as error:
         raise UsageError(f"cannot make environment '{env_id}': {str(error).splitlines()[0]}") from None
     if config.sticky_actions:
         env = StickyAction(env, config.sticky_actions)
     return FrameSkip(env, config.frame_skip) if config.frame_skip > 1 else env
+
+
+def _similar(env_id: str) -> str | None:
+    """Return the environment that was likely meant, whatever the case; of an Atari game's name alone, the usual one."""
+    known = {name.lower(): name for name in gym.registry}
+    close = difflib.get_close_matches(env_id.lower(), known, n=1)
+    return known.get(f"{env_id.lower()}noframeskip-v4") or (known[close[0]] if close else None)
 
 
 def _check_spaces(env_id: str, env: Env) -> None:

@@ -36,11 +36,12 @@ def ram_feature_names(game: str) -> tuple[str, ...]:
     Raises
     ------
     UsageError
-        When the RAM of this game is not mapped.
+        When the RAM of this game is not mapped, or it is no Atari game and has no name.
     """
     if game not in GAMES:
         known = ", ".join(sorted(GAMES))
-        raise UsageError(f"the RAM of '{game}' is not mapped (known: {known}); choose a model that sees pixels")
+        whose = f"the RAM of '{game}' is not mapped" if game else "this game has no mapped RAM"
+        raise UsageError(f"{whose} (known: {known}); choose a model that sees pixels")
     return tuple(GAMES[game].ram_addresses)
 
 
