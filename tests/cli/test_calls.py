@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,11 +24,33 @@ TRAIN_KEYS = {"run", "model", "env", "seed", "frames", "decisions", "episodes", 
 EVAL_KEYS = {"run", "policy", "episodes", "mean", "std", "min", "max", "returns", "lengths", "rewards", "conditions"}
 
 
+ROOT = Path(__file__).parents[2]
+
+
 def only_json(result):
     """Return the one JSON object that is all of standard output."""
     assert result.status == 0, result.err
     assert result.out.count("\n") == 1
     return json.loads(result.out)
+
+
+def documented(command):
+    """Return the keys that docs/json.md names."""
+    (row,) = re.findall(rf"^\| `{command}` \| (.*) \|$", (ROOT / "docs" / "json.md").read_text(), re.MULTILINE)
+    return set(re.findall(r"`(\w+)`", row))
+
+
+@pytest.mark.parametrize("command", ["foresee --decisions 10", "explain --step 3", "rules", "map", "doctor", "report"])
+def test_the_keys_of_json_are_documented(call, ram_map_run, tmp_path, command):
+    run = shutil.copytree(ram_map_run, tmp_path / "run")
+    name, *flags = command.split()
+    told = only_json(call(name, *([] if name == "doctor" else [run]), *flags, "--json"))
+    assert told.keys() == documented(name)
+
+
+def test_the_keys_of_training_and_evaluation_are_documented():
+    assert documented("train") == TRAIN_KEYS and documented("eval") == EVAL_KEYS
+    assert documented("reproduce") == {"page", "results"}
 
 
 @pytest.mark.parametrize("model", ["baseline", "otsu", "birch", "semantic", "semantic-map", "ram"])

@@ -1,6 +1,7 @@
 import errno
 import json
 import os
+import shutil
 import signal
 from dataclasses import replace
 
@@ -68,9 +69,9 @@ def test_a_finished_run_tells_its_result_again(semantic_run):
     assert (semantic_run / "manifest.json").read_bytes() == before
 
 
-def test_a_finished_run_without_its_result_is_refused(tmp_path, tiny):
-    run = RunFolder.create(tmp_path / "run", tiny("otsu"))
-    run.update_manifest(status="finished")
+def test_a_finished_run_without_its_result_is_refused(tmp_path, baseline_run):
+    run = RunFolder.open(shutil.copytree(baseline_run, tmp_path / "run"))
+    run.update_manifest(result=None)
     with pytest.raises(UsageError, match="does not hold the result"):
         train(run.path)
 
