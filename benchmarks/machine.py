@@ -1,4 +1,4 @@
-"""What a measurement was made with: versions, threads, kind of machine. Both benchmarks print it."""
+"""What a measurement was made with: versions, threads, kind of machine. The benchmarks print it."""
 
 import os
 import platform

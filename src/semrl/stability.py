@@ -68,7 +68,7 @@ class StabilityTest:
     Attributes
     ----------
     values_ : list of float
-        What was measured at each batch, from batch ``batches`` on.
+        What was measured at each batch, from the first after ``batches`` on.
     """
 
     def __init__(

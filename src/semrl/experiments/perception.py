@@ -30,7 +30,7 @@ class Schooled:
     pipeline
         It; only its embedder has not learned.
     stability
-        Stage → measured value at each batch from the 250th on.
+        Stage → measured value at each batch from the 251st on.
     batches
         Stage → batches it took.
     """

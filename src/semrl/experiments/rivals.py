@@ -30,8 +30,8 @@ SETTINGS: Mapping[View, Mapping[str, Any]] = {
     },
     "ram": {"policy": "MlpPolicy", "buffer_size": 100_000, "target_update_interval": 1000},
 }  # fmt: skip
-"""On pixels the values that its authors tuned for Atari games of 10,000,000 frames; on the RAM its defaults, but for
-a target network that is renewed as often."""
+"""On pixels the values that its authors tuned for Atari games of 10,000,000 decisions; on the RAM its defaults, but for
+buffer and target network."""
 
 
 NUMBERS = ("mean", "std", "sticky", "minutes")

@@ -9,12 +9,16 @@ from semrl.types import Floats, Ints
 LAGS = 3
 """An action may show after so many decisions: what has inertia answers late."""
 
+LEAST_STEPS = 5
+"""For each action, on average; before, the largest of several ratios is a matter of chance."""
+
 
 class Influence:
     """For each role, how much of the variance of its steps the actions explain.
 
     The correlation ratio η² is the variance between the mean steps of the actions, as a share of the whole
-    variance. It needs no order of actions and no line through them, and is 0 where they do not matter. It is
+    variance. It needs no order of actions and no line through them, and is 0 where they do not matter, once what chance
+    alone would explain is taken off: much of few steps by many actions (the adjusted ratio, ε², Kelley 1935). It is
     counted for rows and columns, and for the last action and the ones before it; the largest counts.
     """
 
@@ -59,6 +63,10 @@ class Influence:
         between -= np.square(sums) / np.maximum(counts, 1)
         moved = whole > 1e-9 * np.maximum(counts, 1)
         ratios = np.where(moved, between / np.where(moved, whole, 1), 0.0)
+        causes = (self._counts > 0).sum(axis=3)
+        enough = counts >= np.maximum(LEAST_STEPS * causes, causes + 1)
+        adjusted = 1 - (1 - ratios) * (counts - 1) / np.maximum(counts - causes, 1)
+        ratios = np.where(enough, adjusted, 0.0)
         shares[: len(ratios)] = ratios.max(axis=(1, 2), initial=0.0)
         return np.asarray(np.clip(shares, 0, 1))
 
