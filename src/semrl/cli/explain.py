@@ -18,6 +18,9 @@ from semrl.runs.explanation import Explanation
 from semrl.runs.files import require_writable
 from semrl.runs.player import Policy
 
+WIDTH = 20
+"""Of a scenario at least: a narrow terminal wraps words before it cuts them."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class ExplainArguments:
@@ -103,7 +106,7 @@ def _rows(values: dict[str, str]) -> Table:
 
 def _scenarios(e: Explanation) -> Table:
     title = telling.choice(e)
-    columns = ("", Column(title, min_width=len(title)), "return", "doubt", "rewards", "ends in")
+    columns = ("", Column(title, min_width=WIDTH), "return", "doubt", "rewards", "ends in")
     table = Table(*columns, box=None, padding=(0, 2, 0, 0), header_style="dim")
     for scenario in e.scenarios:
         row = (
