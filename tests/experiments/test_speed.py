@@ -8,8 +8,9 @@ import pytest
 
 from semrl.experiments import speed
 from semrl.experiments.peers import ThesisStack
+from semrl.experiments.perception import by_frame
 from semrl.experiments.timing import ELEVATION, EMULATOR, STACK, Stage, medians
-from semrl.stability import StabilityConfig
+from semrl.runs import preset
 from semrl.state import to_grey
 from semrl.types import Observation
 
@@ -19,7 +20,9 @@ KEYS = {"stages", "elevation_per_second", "emulator_per_second", "thesis_stack_p
 @pytest.fixture
 def small(monkeypatch):
     """Less of everything: perception is not stable, few objects, few words."""
-    monkeypatch.setattr(speed, "StabilityConfig", lambda: StabilityConfig(batches=4, max_batches=12))
+    soon = {"stability": {"batches": 4, "max_batches": 12}}
+    monkeypatch.setattr(speed, "by_frame", lambda name, *settings: by_frame(name, *settings, soon))
+    monkeypatch.setattr(speed, "preset", lambda name, model, settings: preset(name, model, settings | soon))
     monkeypatch.setattr(speed, "OBJECT_COUNTS", (3, 10))
     monkeypatch.setattr(speed, "VOCABULARIES", (1000, 2000))
     monkeypatch.setattr(speed, "MET_BEFORE", 2)
