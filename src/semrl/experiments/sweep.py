@@ -79,15 +79,13 @@ class Sweep:
 
     def runs(self) -> tuple[RunSpec, ...]:
         """Return all runs, preset by preset, model by model."""
-        general = {key: value for key, value in self.overrides.items() if key != "models"}
-        special = self.overrides.get("models", {})
         return tuple(
             RunSpec(
                 preset=name,
                 model=model,
                 seed=seed,
                 frames=self.frames,
-                overrides=merge(merge(general, self.presets.get(name, {})), special.get(model, {})),
+                overrides=merge(self.overrides, self.presets.get(name, {})),
                 trials=(Trial(policy="planner", episodes=self.planner_episodes),) if model in MAP_MODELS else (),
             )
             for name, (pixels, others) in self.seeds.items()

@@ -62,10 +62,16 @@ def which(e: Explanation) -> str:
 def seen(e: Explanation) -> str:
     """Say what is seen: the state's numbers by name, or how many objects of which kind."""
     if e.features:
-        return named(e.features.items())
+        return ", ".join(f"{name} {value}" for name, value in features(e))
     said = [f"{n} of kind {kind}" for kind, n in kinds(e)]
     said.append(f"{plural(len(e.sight.edges), 'pair')} joined")
     return f"{plural(len(e.sight.boxes_px), 'object')}: {', '.join(said)}"
+
+
+def features(e: Explanation) -> list[tuple[str, str]]:
+    """Write the state's numbers by name: percent and pixels as whole ones, shares of 1 with two decimals."""
+    digits = 0 if max(map(abs, e.features.values()), default=0) > 1 else 2
+    return [(name, number(value, digits)) for name, value in e.features.items()]
 
 
 def kinds(e: Explanation) -> list[tuple[int, int]]:

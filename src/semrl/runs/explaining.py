@@ -61,37 +61,45 @@ def explain(
     if min(episode, step, seed or 0) < 0:
         raise UsageError(f"episode, step and seed must be 0 or more, not {episode}, {step} and {seed}")
     player = load_player(run, at).under(**conditions)
-    reasoner = player.require_foresight(run)
+    player.require_foresight(run)
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
     with limited_threads(player.config.threads):
         steps = player.episode(episode, seed, policy)
         played = _played(player, steps, step, f"episode {episode} of {run}")
-        thought = _Thought(player, reasoner, played.steps[0])
-        return Explanation(
-            run=str(run),
-            model=player.config.model,
-            env=player.config.env,
-            trained_decisions=player.decisions,
-            policy=policy,
-            seed=seed,
-            episode=episode,
-            step=step,
-            exploration=player.config.evaluation.exploration,
-            return_so_far=played.steps[0].total,
-            frame=played.steps[0].observation.frame,
-            sight=played.sight,
-            features=thought.features(),
-            place=thought.place(),
-            path=thought.path(),
-            cutoff=reasoner.config.long_term.cutoff,
-            scenarios=tuple(thought.foresight(i) for i in range(thought.n_scenarios)[:SCENARIOS_SHOWN]),
-            n_scenarios=thought.n_scenarios,
-            n_imagined=reasoner.config.short_term.scenarios or thought.n_scenarios,
-            reason=reason(thought.plan),
-            goal=thought.goal(),
-            deed=thought.deed(played.actions[0], policy),
-            aftermath=thought.aftermath(played),
-        )
+        return _laid_open(player, played, run=str(run), policy=policy, seed=seed, episode=episode, step=step)
+
+
+def _laid_open(
+    player: Player, played: "_Played", *, run: str, policy: Policy, seed: int, episode: int, step: int
+) -> Explanation:
+    """Write down what was seen, thought and done at the first of the decisions that were played."""
+    reasoner = player.require_foresight(run)
+    thought = _Thought(player, reasoner, played.steps[0])
+    return Explanation(
+        run=run,
+        model=player.config.model,
+        env=player.config.env,
+        trained_decisions=player.decisions,
+        policy=policy,
+        seed=seed,
+        episode=episode,
+        step=step,
+        exploration=player.config.evaluation.exploration,
+        return_so_far=played.steps[0].total,
+        frame=played.steps[0].observation.frame,
+        sight=played.sight,
+        features=thought.features(),
+        place=thought.place(),
+        path=thought.path(),
+        cutoff=reasoner.config.long_term.cutoff,
+        scenarios=tuple(thought.foresight(i) for i in range(thought.n_scenarios)[:SCENARIOS_SHOWN]),
+        n_scenarios=thought.n_scenarios,
+        n_imagined=reasoner.config.short_term.scenarios or thought.n_scenarios,
+        reason=reason(thought.plan),
+        goal=thought.goal(),
+        deed=thought.deed(played.actions[0], policy),
+        aftermath=thought.aftermath(played),
+    )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -128,9 +128,8 @@ def make_env(
 
 def _make_base(env_id: str, config: EnvironmentConfig, render_mode: str | None) -> Env:
     """Make the environment with its frame skip and sticky actions."""
-    rendered: dict[str, Any] = (
-        {} if render_mode is None else {"render_mode": render_mode}
-    )  # not every environment knows the word
+    # Not every environment knows the word.
+    rendered: dict[str, Any] = {} if render_mode is None else {"render_mode": render_mode}
     ale_py.ALEInterface.setLoggerMode(ale_py.LoggerMode.Error)
     gym.register_envs(ale_py)
     register_worlds()
