@@ -13,10 +13,12 @@ from semrl.experiments.scores import SWEEPS, TABLE
 from semrl.experiments.sweep import CHEAPEST, RunSpec, Sweep, cheapest_first
 from semrl.pipeline import MODELS
 from semrl.runs import RunFolder, train
+from semrl.runs.config import merge
 from semrl.runs.files import locked
 
 TINY = {spec.id: spec for spec in SWEEPS["tiny"].runs()}["semrl-semantic-map-0"]
-SPEC = RunSpec(preset="semrl", model="semantic", seed=3, frames=1200, overrides=TINY.overrides)
+TINY_SETTINGS = merge(TINY.overrides, TINY.overrides["models"]["semantic-map"])
+SPEC = RunSpec(preset="semrl", model="semantic", seed=3, frames=1200, overrides=TINY_SETTINGS)
 NOTHING = read_ledger([])
 
 
