@@ -53,13 +53,13 @@ class Diary(Game):
         return outcome
 
 
-def new_trainer(view="embedding", *, decisions=500, seed=0, game=Game):
+def new_trainer(view="embedding", *, decisions=500, seed=0, game=Game, studied=0):
     pipeline = Pipeline(CONFIG, view)
     agent = DQN(AGENT, pipeline.shape, pipeline.dtype, 2, frame_skip=4, seed=seed)
     return Trainer(
         game(make_env("semrl/Catch-v0"), seed),
         pipeline,
-        Schooling(pipeline, StabilityConfig(batches=20)),
+        Schooling(pipeline, StabilityConfig(batches=20, decisions=studied)),
         agent,
         decisions=decisions,
         seed=seed,
@@ -121,6 +121,31 @@ def test_rows_tell_of_batches_and_episodes(finished):
     assert {row["length"] for row in episodes} == {45}  # 36 frames a ball, 5 balls
     assert all(row["frames"] == 4 * row["decisions"] for row in recorder.rows)
     assert [row["decisions"] for row in recorder.rows] == sorted(row["decisions"] for row in recorder.rows)
+
+
+def test_what_is_studied_again_costs_no_decisions():
+    trainer = new_trainer(decisions=150, studied=60)
+    trainer.run()
+    recorder = trainer.observers[0]
+    assert recorder.decisions == list(range(1, 151))
+    assert recorder.phases == ["play"] * 59 + ["agent"] * 91  # the last of its decisions ends with all that is studied
+    assert trainer.agent.decisions_ == 90
+    perception = [row for row in recorder.rows if row["phase"] != "agent"]
+    assert list(dict.fromkeys(row["phase"] for row in perception)) == ["play", "threshold", "pca", "birch"]
+    assert {row["decisions"] for row in perception if row["phase"] != "play"} == {60}
+    assert [row["decisions"] for row in perception[:60]] == list(range(1, 61))
+    assert trainer.agent.replay.to_arrays()["starts"][0]
+
+
+@pytest.mark.parametrize("decisions", [0, 30, 59, 60, 61, 120])
+def test_resumed_after_play_that_is_studied_it_goes_on_bit_for_bit(decisions):
+    straight, halting = new_trainer(decisions=150, studied=60), new_trainer(decisions=decisions, studied=60)
+    halting.run()
+    resumed = new_trainer(decisions=150, studied=60)
+    resumed.from_arrays({name: array.copy() for name, array in halting.to_arrays().items()})
+    straight.run()
+    resumed.run()
+    assert digest(straight.to_arrays()) == digest(resumed.to_arrays())
 
 
 def test_returns_are_the_sums_of_rewards(finished):

@@ -3,7 +3,8 @@
     threshold → PCA until stable → Birch until stable → scenery → documents of the embedding
     background → PCA until stable → Birch until stable → roles → documents, where objects are tracked
 
-Actions are random meanwhile: the agent cannot see yet, and chance explores.
+Actions are random meanwhile: the agent cannot see yet, and chance explores. Either each stage plays on, or all study
+the same play: see `StabilityConfig.decisions`.
 """
 
 from collections.abc import Sequence
@@ -20,6 +21,7 @@ from semrl.stages import (
     DocumentsStage,
     OnlineStage,
     PCAStage,
+    PlayStage,
     RolesStage,
     SceneryStage,
     Stage,
@@ -36,17 +38,29 @@ class Schooling:
     pipeline
         Learns in place.
     config
-        When PCA and Birch are stable.
+        When PCA and Birch are stable, and of how much play.
+
+    Attributes
+    ----------
+    remembers : bool
+        Whether all is learned from the same play.
     """
 
     def __init__(self, pipeline: Pipeline, config: StabilityConfig) -> None:
-        self.stages: Sequence[Stage] = _stages(pipeline, pipeline.view, config)
+        stages = _stages(pipeline, pipeline.view, config)
+        self.remembers = bool(config.decisions and stages)
+        self.stages: Sequence[Stage] = [PlayStage(pipeline, config.decisions), *stages] if self.remembers else stages
         self._position = 0
 
     @property
     def current(self) -> Stage | None:
         """The stage that is being learned; None when perception is ready."""
         return self.stages[self._position] if self._position < len(self.stages) else None
+
+    @property
+    def studies(self) -> bool:
+        """Whether what comes next is to be learned from the play that there was."""
+        return self.remembers and 0 < self._position < len(self.stages)
 
     def learn(self, observation: Observation, action: int | None = None) -> Stage:
         """Learn from one observation and the action that led there, if any; return the stage that did."""

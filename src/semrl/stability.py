@@ -41,12 +41,15 @@ class StabilityConfig:
     """PCA is stable when its outputs moved by less than this on average."""
     min_agreement: float = 0.95
     """Birch is stable when the balanced accuracy of new against old labels is greater than this."""
+    decisions: int = 0
+    """Decisions of random play that each stage studies from its beginning, again and again, and that map and models of
+    the world recall afterwards; 0: each stage plays on until it has learned, and the play is forgotten."""
     max_batches: int = 20_000
     """Training goes on to the next phase after so many batches, stable or not."""
 
     def __post_init__(self) -> None:
-        if self.batches < 1 or self.max_batches < 1:
-            raise UsageError("stability.batches and stability.max_batches must be 1 or more")
+        if self.batches < 1 or self.max_batches < 1 or self.decisions < 0:
+            raise UsageError("stability.batches and max_batches must be 1 or more, stability.decisions 0 or more")
         if not (self.max_difference >= 0 and 0 <= self.min_agreement <= 1):
             raise UsageError("stability.max_difference must be 0 or more, stability.min_agreement between 0 and 1")
 

@@ -57,6 +57,20 @@ class Stage(ABC):
         self.batches_ = int(arrays["batches"])
 
 
+class PlayStage(Stage):
+    """See so much play, which the stages after this one study."""
+
+    name = "play"
+    unit = "decisions"
+
+    def __init__(self, pipeline: Pipeline, decisions: int) -> None:
+        super().__init__(pipeline)
+        self.goal = decisions
+
+    def _learn(self, _observation: Observation, _action: int | None) -> bool:
+        return self.batches_ >= self.goal
+
+
 class ThresholdStage(Stage):
     """Find Otsu's threshold, once."""
 

@@ -10,8 +10,10 @@ from semrl.agent import DQN
 from semrl.arrays import Arrays, array_to_rng, nest, rng_to_array, unnest
 from semrl.pipeline import Pipeline
 from semrl.reasoning import Reasoner
+from semrl.rehearsal import played_from_arrays, played_to_arrays, recall, study
 from semrl.schooling import Schooling
-from semrl.state import Game
+from semrl.stages import Stage
+from semrl.state import Game, Played
 from semrl.types import Observation
 
 Row = dict[str, Any]
@@ -79,6 +81,7 @@ class Trainer:
         self.episodes_ = 0
         self._rng = np.random.default_rng(seed)
         self._episode: _Episode | None = None
+        self._played: list[Played] = []  # what perception is to study
 
     @property
     def perceiving(self) -> bool:
@@ -114,6 +117,8 @@ class Trainer:
             parts["reasoner"] = self.reasoner.to_arrays()
         if self._episode is not None:
             parts["episode"] = self._episode.to_arrays()
+        if self._played:
+            parts["played"] = played_to_arrays(self._played)
         return {
             **nest(**parts),
             "rng": rng_to_array(self._rng),
@@ -132,6 +137,7 @@ class Trainer:
         observation = self.game.from_arrays(unnest(arrays, "game"))
         episode = unnest(arrays, "episode")
         self._episode = _Episode.from_arrays(observation, episode) if observation and episode else None
+        self._played = played_from_arrays(unnest(arrays, "played"))
         self._rng = array_to_rng(arrays["rng"])
         self.decisions_ = int(arrays["decisions"])
         self.returns_ = arrays["returns"].tolist()
@@ -140,7 +146,8 @@ class Trainer:
     def _begin(self) -> "_Episode":
         observation = self.game.reset()
         self.pipeline.begin_episode()
-        planned = self.reasoner is not None and self.reasoner.leads(self.episodes_)
+        # What was recalled stands for an episode of the agent's.
+        planned = self.reasoner is not None and self.reasoner.leads(self.episodes_ + self.schooling.remembers)
         seen = None if self.perceiving else self._see(observation, curious=planned)
         return _Episode(observation, None if seen is None else np.stack([seen, seen]), planned=planned)
 
@@ -160,9 +167,21 @@ class Trainer:
         outcome = self.game.step(episode.action)
         self.decisions_ += 1
         episode.observation = outcome.observation
-        if outcome.done or not self.perceiving:  # the agent begins with an episode of its own
-            self._episode = None
-        self._tell({"phase": stage.name, "batches": stage.batches_, **stage.measured()})
+        if outcome.done or not self.perceiving or self.schooling.studies:
+            self._episode = None  # the agent begins with an episode of its own
+            if self.schooling.remembers:
+                self._played.append(self.game.played)
+        self._tell_of(stage)
+        if self.schooling.studies:
+            self._rehearse()
+
+    def _rehearse(self) -> None:
+        """Let perception study the play so far, then map and models recall it."""
+        for stage in study(self.game, self.pipeline, self.schooling, self._played):
+            self._tell_of(stage)
+        if self.reasoner:
+            recall(self.game, self.pipeline, self.reasoner, self._played)
+        self._played = []
 
     def _act(self, episode: "_Episode") -> None:
         """Let the agent take one decision and learn from what it led to."""
@@ -204,6 +223,9 @@ class Trainer:
             "updates": self.agent.updates_,
             **learned,
         })  # fmt: skip
+
+    def _tell_of(self, stage: Stage) -> None:
+        self._tell({"phase": stage.name, "batches": stage.batches_, **stage.measured()})
 
     def _tell(self, row: Row) -> None:
         position = {"decisions": self.decisions_, "frames": self.decisions_ * self.agent.frame_skip}

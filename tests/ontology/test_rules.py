@@ -37,6 +37,13 @@ def test_names_stand_where_their_numbers_do():
     }  # fmt: skip
 
 
+def test_a_distance_is_called_one():
+    states = np.array([[[2, 5], [4, 4]]], np.float32)
+    names = feature_names(NAMES, 2, 0, distances=True)
+    told = dict(zip(names, lay_out(states, np.zeros((1, 0), np.int64), np.array([0]), True)[0].tolist(), strict=True))
+    assert told["the distance of x and y"] == 3 and told["x − y, if both go on,"] == -6 and "x − y" not in told
+
+
 def test_a_world_of_two_rules_is_read_as_two_rules():
     rng = np.random.default_rng(0)
     rows = rng.integers(0, 20, size=(1000, 2)).astype(np.float32)

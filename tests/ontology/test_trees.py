@@ -14,9 +14,10 @@ def wholes(n, d, seed=0, most=30):
     return np.random.default_rng(seed).integers(0, most, size=(n, d)).astype(np.float32)
 
 
-def fitted(rows, wanted, *, members=1, leaf_rows=3, seed=0, unseen=None):
+def fitted(rows, wanted, *, members=1, leaf_rows=3, seed=0, unseen=None, distances=False):
     leaves = [leaf_rows] * wanted.shape[1]
-    return Forests(members).fit(rows, wanted, np.random.default_rng(seed), leaf_rows=leaves, unseen=unseen)
+    forests = Forests(members, distances=distances)
+    return forests.fit(rows, wanted, np.random.default_rng(seed), leaf_rows=leaves, unseen=unseen)
 
 
 def test_it_is_the_trees_of_scikit_learn():
@@ -111,11 +112,24 @@ def test_the_same_draw_grows_the_same():
     assert (one != other).any()
 
 
-def test_numbers_are_seen_in_relation_to_each_other():
-    states = np.array([[[5, 2], [4, 3], [1, 1]]], np.float32)
-    row = lay_out(states, np.array([[1, 0]]), np.array([1]))
-    now, ahead, changes = [5, 2], [6, 1], [1, -1, 3, 2]
-    assert row.tolist() == [[*now, *ahead, *changes, 5 - 2, 6 - 1, 1, 1, 0]] and row.dtype == np.float32
+@pytest.mark.parametrize("distances", [False, True])
+def test_numbers_are_seen_in_relation_to_each_other(distances):
+    states = np.array([[[2, 5], [1, 6], [1, 4]]], np.float32)
+    row = lay_out(states, np.array([[1, 0]]), np.array([1]), distances)
+    now, ahead, changes = [2, 5], [3, 4], [1, -1, 0, 2]
+    gap = 3 if distances else -3
+    assert row.tolist() == [[*now, *ahead, *changes, gap, 3 - 4, 1, 1, 0]] and row.dtype == np.float32
+
+
+def test_a_contact_is_one_cut_of_a_distance():
+    windows = np.random.default_rng(0).integers(-20, 20, size=(2000, 2, 2)).astype(np.float32)
+    touching = (np.abs(windows[:, 0, 0] - windows[:, 0, 1]) <= 3).astype(float)[:, None]
+    nothing, still = np.zeros((2000, 0), np.int64), np.zeros(2000, np.int64)
+    cuts = [
+        (fitted(lay_out(windows, nothing, still, distances), touching).tree(0).columns >= 0).sum()
+        for distances in (False, True)
+    ]
+    assert cuts[0] >= 2 and cuts[1] == 1
 
 
 def test_the_last_tree_may_be_kept_from_looking_at_a_column():
@@ -146,28 +160,34 @@ def test_rolled_forward_each_forest_goes_its_own_way_until_a_reward():
 
 def rolled_alone(forests, member, known, sequence):
     """Roll one sequence in one forest, a decision at a time."""
+
+    def seen(chosen):
+        return lay_out(window[None], past[None], np.array([chosen]), forests.distances)
+
     (inertia, window, past), foreseen, rewards = known, [], np.zeros(len(sequence), np.float32)
     for t, action in enumerate(sequence):
         if not rewards.any():
-            told = forests(lay_out(window[None], past[None], np.array([action])))[member, 0]
+            told = forests(seen(action))[member, 0]
             moved = told[:-2] + inertia * (window[0] - window[1])
             window = np.concatenate([window[:1] + moved, window[:-1]])
             past = np.append(np.float32(action), past)[: len(past)]
             rewards[t] = np.rint(told[-2])
         foreseen.append(window[0])
-    beyond = 0 if rewards.any() else forests(lay_out(window[None], past[None], np.array([NO_ACTION])))[member, 0, -1]
+    beyond = 0 if rewards.any() else forests(seen(NO_ACTION))[member, 0, -1]
     return np.array(foreseen), rewards, np.float32(beyond)
 
 
-@pytest.mark.parametrize(("dimension", "past_states", "past_actions"), [(1, 2, 0), (3, 4, 3)])
-def test_together_sequences_come_to_what_each_comes_to_alone(dimension, past_states, past_actions):
+@pytest.mark.parametrize(
+    ("dimension", "past_states", "past_actions", "distances"), [(1, 2, 0, False), (3, 4, 3, False), (3, 4, 3, True)]
+)
+def test_together_sequences_come_to_what_each_comes_to_alone(dimension, past_states, past_actions, distances):
     rng = np.random.default_rng(dimension)
     windows = rng.normal(size=(900, past_states, dimension)).astype(np.float32)
     actions = rng.integers(3, size=(900, past_actions + 1))
-    rows = lay_out(windows, actions[:, 1:], actions[:, 0])
+    rows = lay_out(windows, actions[:, 1:], actions[:, 0], distances)
     paid = np.sign(windows[:, 0, 0]) * (np.abs(windows[:, 0, 0]) > 1.5)
     wanted = np.column_stack([rng.normal(scale=0.5, size=(900, dimension)), paid, rng.normal(size=900)])
-    forests = fitted(rows, wanted, members=2, unseen=action_column(dimension, past_states))
+    forests = fitted(rows, wanted, members=2, unseen=action_column(dimension, past_states), distances=distances)
     beginning = rng.integers(3, size=(5, 4))[rng.integers(5, size=40)]  # many begin alike, and some are alike
     sequences = np.concatenate([beginning, rng.integers(3, size=(40, 3))], axis=1)
     sequences[rng.integers(40, size=8)] = sequences[7]

@@ -66,6 +66,7 @@ class Rows:
         ("semantic-map", THESIS_MODELS, {"threshold", "pca", "birch", "scenery", "agent"}),
         ("semantic-map", TRACKED, {"background", "pca", "birch", "roles", "agent"}),
         ("objects", RICH_AGENT, {"background", "pca", "birch", "roles", "agent"}),
+        ("objects-map", TRACKED | {"stability__decisions": 45}, {"play", "agent"}),
         ("ram", RICH_AGENT, {"agent"}),
     ],
     ids=[
@@ -78,6 +79,7 @@ class Rows:
         "semantic-map-svm",
         "semantic-map-tracked",
         "objects",
+        "objects-map-studied",
         "ram",
     ],
 )

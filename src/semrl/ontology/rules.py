@@ -38,7 +38,7 @@ class Rule:
     error: float
 
 
-def feature_names(names: Sequence[str], past_states: int, past_actions: int) -> list[str]:
+def feature_names(names: Sequence[str], past_states: int, past_actions: int, *, distances: bool = False) -> list[str]:
     """Name the columns of `semrl.ontology.tree_kernels.lay_out`."""
     changes = [
         f"the last change of {name}" if h == 0 else f"the change of {name} {h + 1} decisions ago"
@@ -49,7 +49,10 @@ def feature_names(names: Sequence[str], past_states: int, past_actions: int) -> 
         text
         for i, one in enumerate(names)
         for other in names[i + 1 :]
-        for text in (f"{one} − {other}", f"{one} − {other}, if both go on,")
+        for text in (
+            f"the distance of {one} and {other}" if distances else f"{one} − {other}",
+            f"{one} − {other}, if both go on,",
+        )
     ]
     actions = ["the action", *(f"the action {k + 1} before" for k in range(past_actions))]
     return [*names, *(f"{name}, if it goes on," for name in names), *changes, *pairs, *actions]

@@ -20,7 +20,7 @@ NODE = np.dtype([("column", "i4"), ("left", "i4"), ("cut", "f4"), ("mean", "f4")
 
 
 @compiled
-def lay_out(states: Floats, actions: Ints, chosen: Ints) -> Floats:
+def lay_out(states: Floats, actions: Ints, chosen: Ints, distances: bool = False) -> Floats:
     """Lay out what trees see of many moments, ``(n, f)``, each column in one piece; see `_lay_out`.
 
     Parameters
@@ -29,10 +29,12 @@ def lay_out(states: Floats, actions: Ints, chosen: Ints) -> Floats:
         ``(n, h, d)`` and ``(n, p)``, the newest first.
     chosen
         ``(n,)`` actions.
+    distances
+        Whether how far two numbers lie apart takes the place of their difference.
     """
     n, past, dimension = states.shape
     rows = np.empty((width(dimension, past, actions.shape[1]), n), np.float32)
-    _lay_out(states.transpose(1, 2, 0), actions.T, chosen, rows)
+    _lay_out(states.transpose(1, 2, 0), actions.T, chosen, rows, distances)
     return rows.T
 
 
@@ -48,8 +50,8 @@ def ask(trees: Trees, rows: Floats) -> Floats:
 
 
 @compiled
-def roll(
-    trees: Trees, inertia: Floats, states: Floats, actions: Floats, sequences: Ints
+def roll(  # noqa: PLR0917 - compiled functions take no keywords
+    trees: Trees, inertia: Floats, states: Floats, actions: Floats, sequences: Ints, distances: bool
 ) -> tuple[Floats, Floats, Floats]:
     """Roll sequences of actions forward in every forest; see `semrl.ontology.trees.Forests.roll`."""
     nodes, roots = trees
@@ -65,7 +67,7 @@ def roll(
     rewards, values = np.zeros((members, n, length), np.float32), np.zeros((members, n), np.float32)
     for member in range(members - 1, -1, -1):  # the first one last: what it foresees stays
         told = foreseen, rewards[member], values[member]
-        _roll_lanes((nodes, roots[member]), inertia, (states, actions), (chosen, begins, origins), told)
+        _roll_lanes((nodes, roots[member]), inertia, (states, actions), (chosen, begins, origins), told, distances)
     for lane in range(1, n):
         begin, origin = begins[lane], origins[lane]
         foreseen[lane, :begin], rewards[:, lane, :begin] = foreseen[origin, :begin], rewards[:, origin, :begin]
@@ -96,12 +98,13 @@ def _branches(sequences: Ints) -> tuple[Ints, Ints]:
 
 
 @compiled
-def _roll_lanes(
+def _roll_lanes(  # noqa: PLR0917 - compiled functions take no keywords
     trees: tuple[NDArray[Any], Ints],
     inertia: Floats,
     past: tuple[Floats, Floats],
     lanes: tuple[Floats, Ints, Ints],
     told: tuple[Floats, Floats, Floats],
+    distances: bool,
 ) -> None:
     """Roll forward in one forest, writing states, ``(n, t, d)``, rewards, ``(n, t)``, and values, ``(n,)``.
 
@@ -120,7 +123,7 @@ def _roll_lanes(
             window[:, :, begun], before[:, begun], going[begun] = window[:, :, origin], before[:, origin], going[origin]
             begun += 1
         rows, active = np.empty((columns, begun), np.float32), np.flatnonzero(going[:begun])
-        _lay_out(window, before, chosen[t], rows)
+        _lay_out(window, before, chosen[t], rows, distances)
         _descend(nodes, roots[: dimension + 1], rows, active, changes)
         _go_on(window, inertia, changes, active)
         _advance(window, before, chosen[t], changes, active)
@@ -131,7 +134,7 @@ def _roll_lanes(
             for i in range(dimension):
                 foreseen[s, t, i] = window[0, i, s]
     rows = np.empty((columns, begun), np.float32)
-    _lay_out(window, before, chosen[length], rows)
+    _lay_out(window, before, chosen[length], rows, distances)
     _descend(nodes, roots[dimension + 1 :], rows, np.flatnonzero(going[:begun]), values.reshape(1, n))
 
 
@@ -173,11 +176,12 @@ def width(dimension: int, past_states: int, past_actions: int) -> int:
 
 
 @compiled
-def _lay_out(states: Floats, actions: NDArray[Any], chosen: NDArray[Any], rows: Floats) -> None:
+def _lay_out(states: Floats, actions: NDArray[Any], chosen: NDArray[Any], rows: Floats, distances: bool) -> None:
     """Write the state, how it changed from decision to decision, how its numbers relate, and the actions.
 
     A tree compares one number with a cut at a time, so "the ball is below the paddle" must be one number: the
-    differences of all pairs, now and after as much change again. Of ``(h, d, n)`` states, ``(p, n)`` actions before
+    differences of all pairs, now and after as much change again. "It touches the paddle" is one number only as a
+    distance. Of ``(h, d, n)`` states, ``(p, n)`` actions before
     and ``(n,)`` actions now it makes ``(f, n)`` rows.
     """
     (past, dimension, _), n = states.shape, rows.shape[1]
@@ -194,7 +198,8 @@ def _lay_out(states: Floats, actions: NDArray[Any], chosen: NDArray[Any], rows: 
     for i in range(dimension):
         for j in range(i + 1, dimension):
             for s in range(n):
-                rows[at, s] = rows[i, s] - rows[j, s]
+                gap = rows[i, s] - rows[j, s]
+                rows[at, s] = abs(gap) if distances else gap
                 rows[at + 1, s] = rows[dimension + i, s] - rows[dimension + j, s]
             at += 2
     rows[at] = chosen[:n]

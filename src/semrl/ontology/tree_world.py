@@ -35,6 +35,9 @@ class TreesConfig:
     """States that are looked at, the present one included."""
     past_actions: int = 3
     """Actions before that are looked at: things that have inertia go on by them."""
+    distances: bool = False
+    """Whether how far two numbers lie apart is looked at in place of their difference (that of where they go stays):
+    a contact is one cut then, where it was two, which counts when little was lived."""
     resolution: float = 1 / 255
     """Least difference between two states that means anything; RAM features are bytes divided by 255."""
     least_changes: float = 0.001
@@ -113,7 +116,7 @@ class TreeWorld:
         self.discount = discount
         self.seed = seed
         self.experience = Experience(config.capacity, dimension)
-        self.forests = Forests(config.members)
+        self.forests = Forests(config.members, distances=config.distances)
         self.varying_ = np.arange(dimension)
         self.inertia_ = np.zeros(dimension, np.float32)
         self.seen_ = 0
@@ -189,8 +192,9 @@ class TreeWorld:
             In which numbers are told; the resolution when None.
         """
         varying = [names[i] for i in self.varying_.tolist()]
-        columns = feature_names(varying, self.config.past_states, self.config.past_actions)
-        scale = self.config.resolution / unit if unit else 1.0
+        c = self.config
+        columns = feature_names(varying, c.past_states, c.past_actions, distances=c.distances)
+        scale = c.resolution / unit if unit else 1.0
         changing = [
             f"the change of {name}" if inert else name for name, inert in zip(varying, self.inertia_, strict=True)
         ]
@@ -224,7 +228,7 @@ class TreeWorld:
         if len(wanted) > most:
             drawn = np.sort(rng.choice(len(wanted), most, replace=False))
             windows, pasts, actions, wanted = windows[drawn], pasts[drawn], actions[drawn], wanted[drawn]
-        return lay_out(windows, pasts, actions), wanted
+        return lay_out(windows, pasts, actions, c.distances), wanted
 
     def to_arrays(self) -> Arrays:
         """Return trees and memory."""

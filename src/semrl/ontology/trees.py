@@ -47,10 +47,13 @@ class Forests:
     ----------
     members
         Forests.
+    distances
+        Whether they look at distances; see `semrl.ontology.tree_kernels.lay_out`, which makes what they are shown.
     """
 
-    def __init__(self, members: int) -> None:
+    def __init__(self, members: int, *, distances: bool = False) -> None:
         self.members = members
+        self.distances = distances
         self._grown = [_Forest.empty() for _ in range(members)]
         self._pack()
 
@@ -122,7 +125,7 @@ class Forests:
             expected beyond. After its first reward a scenario stands still and is worth no more: what follows is
             another rally, of which little is known.
         """
-        return roll((self._packed, self._roots[members]), inertia, states, actions, sequences)
+        return roll((self._packed, self._roots[members]), inertia, states, actions, sequences, self.distances)
 
     def to_arrays(self) -> Arrays:
         """Return the trees."""

@@ -1,13 +1,14 @@
 """What there is to see and to do: environments, frames, RAM (§3.1)."""
 
 from semrl.state.environment import EnvironmentConfig, action_meanings, make_env, played_actions, rom_name
-from semrl.state.game import Game
+from semrl.state.game import Game, Played
 from semrl.state.preprocessing import to_grey
 from semrl.state.ram import ram_feature_names, ram_features
 
 __all__ = [
     "EnvironmentConfig",
     "Game",
+    "Played",
     "action_meanings",
     "make_env",
     "played_actions",

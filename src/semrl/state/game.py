@@ -1,5 +1,7 @@
 """One game being played, as a thing that can be saved at any decision and continued elsewhere."""
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -7,7 +9,15 @@ import numpy as np
 from semrl.arrays import Arrays, array_to_rng, rng_to_array
 from semrl.errors import SemrlError
 from semrl.state.environment import Env
-from semrl.types import Observation, Outcome
+from semrl.types import Ints, Observation, Outcome
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Played:
+    """An episode, as far as it was played: its seed and ``(t,)`` actions. Played again it is the same."""
+
+    seed: int
+    actions: Ints
 
 
 class Game:
@@ -46,13 +56,25 @@ class Game:
             observation=self._observation(), reward=float(reward), terminated=terminated, truncated=truncated
         )
 
+    @property
+    def played(self) -> Played:
+        """This episode so far."""
+        return Played(seed=self._episode_seed, actions=np.array(self._actions, dtype=np.int64))
+
+    def again(self, played: Played) -> Iterator[tuple[Observation, int | None, float]]:
+        """Play an episode again; yield what is seen, the action that led there (None at first) and its reward."""
+        yield self._begin(played.seed), None, 0.0
+        for action in played.actions.tolist():
+            outcome = self.step(action)
+            yield outcome.observation, action, outcome.reward
+
     def to_arrays(self) -> Arrays:
         """Return the random generator, this episode's seed and actions, and the last frame."""
         frame = {} if self._frame is None else {"frame": self._frame}
         return {
             "rng": rng_to_array(self._rng),
-            "episode_seed": np.array(self._episode_seed),
-            "actions": np.array(self._actions, dtype=np.int64),
+            "episode_seed": np.array(self.played.seed),
+            "actions": self.played.actions,
             **frame,
         }
 
@@ -69,9 +91,8 @@ class Game:
         self._rng = array_to_rng(arrays["rng"])
         if "frame" not in arrays:
             return None
-        self._begin(int(arrays["episode_seed"]))
-        for action in arrays["actions"]:
-            self.step(int(action))
+        for _ in self.again(Played(seed=int(arrays["episode_seed"]), actions=arrays["actions"])):
+            pass
         if not np.array_equal(self._frame, arrays["frame"]):
             raise SemrlError("the environment did not repeat itself from seed and actions; this run cannot be resumed")
         return self._observation()

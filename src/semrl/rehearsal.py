@@ -1,0 +1,68 @@
+"""Play that is remembered: perception studies it again and again, then map and models of the world recall it.
+
+What is remembered of an episode is its seed and its actions; it is seen again by playing it again, which is no new
+experience. So a stage costs no decisions of its own, and what was seen before perception could see is not lost.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from semrl.arrays import Arrays, arrays_to_ragged, nest, ragged_to_arrays, unnest
+from semrl.pipeline import Pipeline
+from semrl.reasoning import Reasoner
+from semrl.schooling import Schooling
+from semrl.stages import Stage
+from semrl.state import Game, Played
+from semrl.types import Observation
+
+
+def study(game: Game, pipeline: Pipeline, schooling: Schooling, played: Sequence[Played]) -> Iterator[Stage]:
+    """Let each stage learn from the same episodes, from the first on, until perception is ready.
+
+    Yields
+    ------
+    Stage
+        That has learned from an observation, once for each.
+    """
+    while (stage := schooling.current) is not None:
+        for observation, action in _seen_again(game, pipeline, played):
+            yield schooling.learn(observation, action)
+            if schooling.current is not stage:
+                break
+
+
+def _seen_again(game: Game, pipeline: Pipeline, played: Sequence[Played]) -> Iterator[tuple[Observation, int | None]]:
+    for episode in played:
+        pipeline.begin_episode()
+        for observation, action, _ in game.again(episode):
+            yield observation, action
+
+
+def recall(game: Game, pipeline: Pipeline, reasoner: Reasoner, played: Sequence[Played]) -> None:
+    """Let map and models learn from episodes that were played before perception was ready."""
+    for episode in played:
+        pipeline.begin_episode()
+        reasoner.begin_episode()
+        seen = None
+        for observation, action, reward in game.again(episode):
+            encoded = pipeline.encode(observation)
+            if seen is not None and action is not None:
+                reasoner.observe(seen, action, reward)
+            seen = encoded
+        if seen is not None:
+            reasoner.end_episode(seen)
+
+
+def played_to_arrays(played: Sequence[Played]) -> Arrays:
+    """Return episodes as arrays."""
+    actions = ragged_to_arrays([episode.actions for episode in played], like=np.empty(0, np.int64))
+    return {"seeds": np.array([episode.seed for episode in played]), **nest(actions=actions)}
+
+
+def played_from_arrays(arrays: Arrays) -> list[Played]:
+    """Make the episodes again; none of no arrays."""
+    if not arrays:
+        return []
+    actions = arrays_to_ragged(unnest(arrays, "actions"))
+    return [Played(seed=int(seed), actions=own) for seed, own in zip(arrays["seeds"], actions, strict=True)]
