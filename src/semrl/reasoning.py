@@ -23,7 +23,7 @@ from semrl.ontology import (
 )
 from semrl.planner import LongTermConfig, ShortTermConfig, action_sequences, plan_routes, rank
 from semrl.protocols import WorldModel
-from semrl.types import Floats, Moment, Plan, Trajectory
+from semrl.types import Floats, Ints, Moment, Plan, Trajectory
 
 MAP_MODELS = ("semantic-map", "ram-map", "objects-map")
 """The models that reason: two of Table 4.1, and one on tracked objects."""
@@ -94,6 +94,9 @@ class Reasoner:
         Of networks and rehearsal.
     first
         Where it begins in what perception encodes; it is the end of it.
+    axes
+        ``(dimension,)`` int64: along which axis each number lies, so that some can be compared; −1: no place. All of
+        them can when None.
 
     Attributes
     ----------
@@ -103,7 +106,16 @@ class Reasoner:
         Length of the goal vector.
     """
 
-    def __init__(self, config: ReasoningConfig, dimension: int, n_actions: int, *, seed: int, first: int = 0) -> None:
+    def __init__(
+        self,
+        config: ReasoningConfig,
+        dimension: int,
+        n_actions: int,
+        *,
+        seed: int,
+        first: int = 0,
+        axes: Ints | None = None,
+    ) -> None:
         self.config = config
         self.dimension = dimension
         self.facts = slice(first, first + dimension)
@@ -111,7 +123,8 @@ class Reasoner:
         self.goal_size = goal_size(config.goal, dimension=dimension, depth=config.short_term.depth, n_actions=n_actions)
         action_sequences(n_actions, config.short_term)  # too many are refused at once
         self.state_map = StateMap(config.state_map, dimension * (2 if config.velocity_weight else 1), n_actions)
-        self.world = _make_world(config, dimension, n_actions, seed)
+        self.axes = axes
+        self.world = _make_world(config, dimension, n_actions, seed, axes)
         self.routes = plan_routes(self.state_map.graph_, config.long_term)
         self._episode = EpisodeRecord(dimension)
         self._proposed = np.zeros(0, np.int64)
@@ -235,7 +248,7 @@ class Reasoner:
         return np.concatenate([states, weight * (states - previous)], axis=1) if weight else states
 
 
-def _make_world(config: ReasoningConfig, dimension: int, n_actions: int, seed: int) -> WorldModel:
+def _make_world(config: ReasoningConfig, dimension: int, n_actions: int, seed: int, axes: Ints | None) -> WorldModel:
     if config.world == "trees":
-        return TreeWorld(config.trees, dimension, discount=config.discount, seed=seed)
+        return TreeWorld(config.trees, dimension, discount=config.discount, seed=seed, axes=axes)
     return ModelPair(config.models, dimension, n_actions, seed=seed)

@@ -9,6 +9,7 @@ from semrl.ontology.tree_kernels import lay_out
 from semrl.ontology.trees import Forests
 
 NAMES, ACTIONS = ("x", "y"), ("LEFT", "RIGHT")
+DIFFERENCES, DISTANCES = ((np.array([[0, 1]]), distances) for distances in (False, True))
 
 
 def forest(rows, wanted, leaf_rows=2):
@@ -18,17 +19,20 @@ def forest(rows, wanted, leaf_rows=2):
 
 def test_every_column_has_a_name():
     for past_states, past_actions in ((2, 0), (4, 3)):
-        names = feature_names(NAMES, past_states, past_actions)
+        names = feature_names(NAMES, past_states, past_actions, DISTANCES)
         rows = lay_out(
-            np.zeros((1, past_states, 2), np.float32), np.zeros((1, past_actions), np.int64), np.zeros(1, int)
+            np.zeros((1, past_states, 2), np.float32),
+            np.zeros((1, past_actions), np.int64),
+            np.zeros(1, int),
+            DISTANCES,
         )
         assert len(names) == len(set(names)) == rows.shape[1]
 
 
 def test_names_stand_where_their_numbers_do():
     states = np.array([[[5, 2], [4, 4], [1, 1]]], np.float32)
-    row = lay_out(states, np.array([[1]]), np.array([0]))[0]
-    told = dict(zip(feature_names(NAMES, 3, 1), row.tolist(), strict=True))
+    row = lay_out(states, np.array([[1]]), np.array([0]), DIFFERENCES)[0]
+    told = dict(zip(feature_names(NAMES, 3, 1, DIFFERENCES), row.tolist(), strict=True))
     assert told == {
         "x": 5, "y": 2, "x, if it goes on,": 6, "y, if it goes on,": 0,
         "the last change of x": 1, "the last change of y": -2,
@@ -37,11 +41,12 @@ def test_names_stand_where_their_numbers_do():
     }  # fmt: skip
 
 
-def test_a_distance_is_called_one():
+def test_distances_stand_between_bars():
     states = np.array([[[2, 5], [4, 4]]], np.float32)
-    names = feature_names(NAMES, 2, 0, distances=True)
-    told = dict(zip(names, lay_out(states, np.zeros((1, 0), np.int64), np.array([0]), True)[0].tolist(), strict=True))
-    assert told["the distance of x and y"] == 3 and told["x − y, if both go on,"] == -6 and "x − y" not in told
+    names = feature_names(NAMES, 2, 0, DISTANCES)
+    row = lay_out(states, np.zeros((1, 0), np.int64), np.array([0]), DISTANCES)[0]
+    told = dict(zip(names, row.tolist(), strict=True))
+    assert (told["x − y"], told["|x − y|"], told["|x − y|, if both go on,"]) == (-3, 3, 6)
 
 
 def test_a_world_of_two_rules_is_read_as_two_rules():

@@ -111,7 +111,8 @@ def test_what_is_expected_beyond_is_the_return_that_came():
 def test_of_too_many_decisions_some_are_drawn(most):
     made = learned(dataclasses.replace(CONFIG, most_numbers=most), rally(3000))
     in_root = made.forests.tree(0).rows[0]
-    assert in_root == (3000 if most == 1_000_000 else most // width(3, CONFIG.past_states, CONFIG.past_actions))
+    columns = width(3, CONFIG.past_states, CONFIG.past_actions, made.relations_)
+    assert in_root == (3000 if most == 1_000_000 else most // columns)
     assert made.forests.tree(0).rows.size > 1
 
 
@@ -181,7 +182,7 @@ def test_forests_doubt_what_they_disagree_about(world):
     sequences = np.random.default_rng(0).integers(2, size=(40, 12))
     told = world.imagine(moment_of(test, t), sequences)
     _, rewards, values = world.forests.roll(
-        world.inertia_, moment_of(test, t).window(4), moment_of(test, t).recent(3), sequences
+        world.inertia_, moment_of(test, t).window(4), moment_of(test, t).recent(3), sequences, world.relations_
     )
     np.testing.assert_allclose(told.doubts, (rewards.sum(axis=2) + values).std(axis=0), atol=1e-6)
     assert told.doubts.shape == (40,) and told.doubts.max() > 0
@@ -240,6 +241,20 @@ def test_saved_midway_it_goes_on_bit_for_bit(saved_after):
     told = [made.imagine(moment_of(walk(25), 9), np.zeros((2, 5), np.int64)) for made in (unbroken, loaded)]
     np.testing.assert_array_equal(told[0].states, told[1].states)
     np.testing.assert_array_equal(told[0].rewards, told[1].rewards)
+
+
+def test_numbers_are_compared_along_an_axis():
+    made = TreeWorld(CONFIG, 6, axes=np.array([0, 1, -1, 0, 1, -1]))
+    assert made.relations_[0].tolist() == [[0, 3], [1, 4]]
+    made.varying_ = np.array([0, 2, 3, 5])
+    assert made.relations_[0].tolist() == [[0, 2]]  # among those that vary
+    assert len(TreeWorld(CONFIG, 6).relations_[0]) == 15
+
+
+def test_trees_that_look_at_other_numbers_are_refused():
+    made = learned(CONFIG, walk(60))
+    with pytest.raises(ValueError, match="look at 25 numbers, not 31"):
+        TreeWorld(dataclasses.replace(CONFIG, distances=True), 3).load(copied(made))
 
 
 def test_the_oldest_episodes_are_forgotten():

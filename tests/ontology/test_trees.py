@@ -6,7 +6,7 @@ from sklearn.tree import DecisionTreeRegressor
 
 from semrl.ontology.cart import MAX_BINS, bins_of
 from semrl.ontology.tree_kernels import lay_out
-from semrl.ontology.trees import Forests, action_column
+from semrl.ontology.trees import Forests
 from semrl.types import NO_ACTION
 
 
@@ -14,10 +14,14 @@ def wholes(n, d, seed=0, most=30):
     return np.random.default_rng(seed).integers(0, most, size=(n, d)).astype(np.float32)
 
 
-def fitted(rows, wanted, *, members=1, leaf_rows=3, seed=0, unseen=None, distances=False):
+def compared(dimension, distances=False):
+    """All pairs of so many numbers."""
+    return np.argwhere(np.triu(np.ones((dimension, dimension)), 1)), distances
+
+
+def fitted(rows, wanted, *, members=1, leaf_rows=3, seed=0, unseen=None):
     leaves = [leaf_rows] * wanted.shape[1]
-    forests = Forests(members, distances=distances)
-    return forests.fit(rows, wanted, np.random.default_rng(seed), leaf_rows=leaves, unseen=unseen)
+    return Forests(members).fit(rows, wanted, np.random.default_rng(seed), leaf_rows=leaves, unseen=unseen)
 
 
 def test_it_is_the_trees_of_scikit_learn():
@@ -115,10 +119,15 @@ def test_the_same_draw_grows_the_same():
 @pytest.mark.parametrize("distances", [False, True])
 def test_numbers_are_seen_in_relation_to_each_other(distances):
     states = np.array([[[2, 5], [1, 6], [1, 4]]], np.float32)
-    row = lay_out(states, np.array([[1, 0]]), np.array([1]), distances)
-    now, ahead, changes = [2, 5], [3, 4], [1, -1, 0, 2]
-    gap = 3 if distances else -3
-    assert row.tolist() == [[*now, *ahead, *changes, gap, 3 - 4, 1, 1, 0]] and row.dtype == np.float32
+    row = lay_out(states, np.array([[1, 0]]), np.array([1]), compared(2, distances))
+    now, ahead, changes, apart = [2, 5], [3, 4], [1, -1, 0, 2], [3, 1] if distances else []
+    assert row.tolist() == [[*now, *ahead, *changes, 2 - 5, 3 - 4, *apart, 1, 1, 0]] and row.dtype == np.float32
+
+
+def test_only_what_is_comparable_is_compared():
+    states = np.arange(6, dtype=np.float32).reshape(1, 2, 3) ** 2
+    row = lay_out(states, np.zeros((1, 0), np.int64), np.array([7]), (np.array([[0, 2]]), False))
+    assert row.shape == (1, 12) and row[0, -3:].tolist() == [0 - 4, -9 - (8 - 25), 7]
 
 
 def test_a_contact_is_one_cut_of_a_distance():
@@ -126,7 +135,7 @@ def test_a_contact_is_one_cut_of_a_distance():
     touching = (np.abs(windows[:, 0, 0] - windows[:, 0, 1]) <= 3).astype(float)[:, None]
     nothing, still = np.zeros((2000, 0), np.int64), np.zeros(2000, np.int64)
     cuts = [
-        (fitted(lay_out(windows, nothing, still, distances), touching).tree(0).columns >= 0).sum()
+        (fitted(lay_out(windows, nothing, still, compared(2, distances)), touching).tree(0).columns >= 0).sum()
         for distances in (False, True)
     ]
     assert cuts[0] >= 2 and cuts[1] == 1
@@ -145,24 +154,24 @@ def test_rolled_forward_each_forest_goes_its_own_way_until_a_reward():
     rng = np.random.default_rng(0)
     before, now, actions = rng.integers(-9, 9, 4000), rng.integers(-9, 9, 4000), rng.integers(2, size=4000)
     windows = np.stack([now, before], axis=1)[:, :, None].astype(np.float32)
-    rows = lay_out(windows, np.zeros((4000, 0), np.int64), actions)
+    rows = lay_out(windows, np.zeros((4000, 0), np.int64), actions, compared(1))
     moved = now - before + 2 * actions - 1
     wanted = np.column_stack([moved, now + moved >= 6, now / 10])
-    forests = fitted(rows, wanted, members=2, leaf_rows=1, unseen=action_column(1, 2))
+    forests = fitted(rows, wanted, members=2, leaf_rows=1, unseen=rows.shape[1] - 1)
     sequences = np.array([[1, 1, 1, 1], [0, 0, 0, 0], [1, 0, 1, 0]])
     none = np.zeros(0, np.float32)
-    states, rewards, values = forests.roll(np.zeros(1, np.float32), np.zeros((2, 1), np.float32), none, sequences)
+    known = np.zeros(1, np.float32), np.zeros((2, 1), np.float32), none
+    states, rewards, values = forests.roll(*known, sequences, compared(1))
     assert states[:, :, 0].round(3).tolist() == [[1, 3, 6, 6], [-1, -3, -6, -10], [1, 1, 2, 2]]
     assert rewards.tolist() == [[[0, 0, 1, 0], [0, 0, 0, 0], [0, 0, 0, 0]]] * 2
     np.testing.assert_allclose(values, [[0, -0.9, 0.2]] * 2, atol=1e-3)  # −9 is the least that was seen
-    assert rows[:, action_column(1, 2)].tolist() == actions.tolist()
 
 
-def rolled_alone(forests, member, known, sequence):
+def rolled_alone(forests, member, known, sequence, relations):
     """Roll one sequence in one forest, a decision at a time."""
 
     def seen(chosen):
-        return lay_out(window[None], past[None], np.array([chosen]), forests.distances)
+        return lay_out(window[None], past[None], np.array([chosen]), relations)
 
     (inertia, window, past), foreseen, rewards = known, [], np.zeros(len(sequence), np.float32)
     for t, action in enumerate(sequence):
@@ -184,18 +193,19 @@ def test_together_sequences_come_to_what_each_comes_to_alone(dimension, past_sta
     rng = np.random.default_rng(dimension)
     windows = rng.normal(size=(900, past_states, dimension)).astype(np.float32)
     actions = rng.integers(3, size=(900, past_actions + 1))
-    rows = lay_out(windows, actions[:, 1:], actions[:, 0], distances)
+    relations = compared(dimension, distances)
+    rows = lay_out(windows, actions[:, 1:], actions[:, 0], relations)
     paid = np.sign(windows[:, 0, 0]) * (np.abs(windows[:, 0, 0]) > 1.5)
     wanted = np.column_stack([rng.normal(scale=0.5, size=(900, dimension)), paid, rng.normal(size=900)])
-    forests = fitted(rows, wanted, members=2, unseen=action_column(dimension, past_states), distances=distances)
+    forests = fitted(rows, wanted, members=2, unseen=rows.shape[1] - 1 - past_actions)
     beginning = rng.integers(3, size=(5, 4))[rng.integers(5, size=40)]  # many begin alike, and some are alike
     sequences = np.concatenate([beginning, rng.integers(3, size=(40, 3))], axis=1)
     sequences[rng.integers(40, size=8)] = sequences[7]
     inertia = np.arange(dimension, dtype=np.float32) % 2  # the second of three numbers goes on by itself
-    known = inertia, 0.1 * windows[0], actions[0, 1:].astype(np.float32)
-    states, rewards, values = forests.roll(*known, sequences)
+    known = inertia, 0.2 * windows[0], actions[0, 1:].astype(np.float32)
+    states, rewards, values = forests.roll(*known, sequences, relations)
     for member, s in np.ndindex(2, 40):
-        alone, paid_alone, beyond = rolled_alone(forests, member, known, sequences[s])
+        alone, paid_alone, beyond = rolled_alone(forests, member, known, sequences[s], relations)
         assert member or states[s].tobytes() == alone.tobytes()
         assert rewards[member, s].tobytes() == paid_alone.tobytes() and values[member, s] == beyond
     ended = rewards.any(axis=2)

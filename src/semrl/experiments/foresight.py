@@ -40,7 +40,7 @@ def worlds(reasoner: Reasoner, run: Trajectory) -> dict[str, WorldModel]:
     config, shape = reasoner.config, (reasoner.dimension, reasoner.n_actions)
 
     def new(**changes: Any) -> WorldModel:
-        return Reasoner(replace(config, **changes), *shape, seed=0).world
+        return Reasoner(replace(config, **changes), *shape, seed=0, axes=reasoner.axes).world
 
     updated, scratch = _to_be_updated(reasoner.world, new(trees=replace(config.trees, first_decisions=1))), new()
     models = {"trained": reasoner.world, "updated": updated, "scratch": scratch}

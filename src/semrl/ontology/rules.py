@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semrl.errors import UsageError
+from semrl.ontology.tree_kernels import Relations
 from semrl.ontology.trees import Tree
 
 
@@ -38,24 +39,25 @@ class Rule:
     error: float
 
 
-def feature_names(names: Sequence[str], past_states: int, past_actions: int, *, distances: bool = False) -> list[str]:
+def feature_names(names: Sequence[str], past_states: int, past_actions: int, relations: Relations) -> list[str]:
     """Name the columns of `semrl.ontology.tree_kernels.lay_out`."""
     changes = [
         f"the last change of {name}" if h == 0 else f"the change of {name} {h + 1} decisions ago"
         for h in range(past_states - 1)
         for name in names
     ]
-    pairs = [
+    pairs, distances = relations
+    compared = [
         text
-        for i, one in enumerate(names)
-        for other in names[i + 1 :]
+        for one, other in ((names[i], names[j]) for i, j in pairs.tolist())
         for text in (
-            f"the distance of {one} and {other}" if distances else f"{one} − {other}",
+            f"{one} − {other}",
             f"{one} − {other}, if both go on,",
+            *((f"|{one} − {other}|", f"|{one} − {other}|, if both go on,") if distances else ()),
         )
     ]
     actions = ["the action", *(f"the action {k + 1} before" for k in range(past_actions))]
-    return [*names, *(f"{name}, if it goes on," for name in names), *changes, *pairs, *actions]
+    return [*names, *(f"{name}, if it goes on," for name in names), *changes, *compared, *actions]
 
 
 def read_rules(

@@ -15,12 +15,15 @@ from semrl.types import NO_ACTION, Floats, Ints
 Trees = tuple[NDArray[Any], Ints]
 """``(k,)`` of `NODE` and ``(members, targets)`` roots among them."""
 
+Relations = tuple[Ints, bool]
+"""``(m, 2)`` pairs of numbers that are compared, and whether by how far they lie apart as well."""
+
 NODE = np.dtype([("column", "i4"), ("left", "i4"), ("cut", "f4"), ("mean", "f4")])
 """What is asked of a node, side by side in memory: apart it took half as long again."""
 
 
 @compiled
-def lay_out(states: Floats, actions: Ints, chosen: Ints, distances: bool = False) -> Floats:
+def lay_out(states: Floats, actions: Ints, chosen: Ints, relations: Relations) -> Floats:
     """Lay out what trees see of many moments, ``(n, f)``, each column in one piece; see `_lay_out`.
 
     Parameters
@@ -29,12 +32,12 @@ def lay_out(states: Floats, actions: Ints, chosen: Ints, distances: bool = False
         ``(n, h, d)`` and ``(n, p)``, the newest first.
     chosen
         ``(n,)`` actions.
-    distances
-        Whether how far two numbers lie apart takes the place of their difference.
+    relations
+        Which numbers are compared.
     """
     n, past, dimension = states.shape
-    rows = np.empty((width(dimension, past, actions.shape[1]), n), np.float32)
-    _lay_out(states.transpose(1, 2, 0), actions.T, chosen, rows, distances)
+    rows = np.empty((width(dimension, past, actions.shape[1], relations), n), np.float32)
+    _lay_out(states.transpose(1, 2, 0), actions.T, chosen, rows, relations)
     return rows.T
 
 
@@ -51,7 +54,7 @@ def ask(trees: Trees, rows: Floats) -> Floats:
 
 @compiled
 def roll(  # noqa: PLR0917 - compiled functions take no keywords
-    trees: Trees, inertia: Floats, states: Floats, actions: Floats, sequences: Ints, distances: bool
+    trees: Trees, inertia: Floats, states: Floats, actions: Floats, sequences: Ints, relations: Relations
 ) -> tuple[Floats, Floats, Floats]:
     """Roll sequences of actions forward in every forest; see `semrl.ontology.trees.Forests.roll`."""
     nodes, roots = trees
@@ -67,7 +70,7 @@ def roll(  # noqa: PLR0917 - compiled functions take no keywords
     rewards, values = np.zeros((members, n, length), np.float32), np.zeros((members, n), np.float32)
     for member in range(members - 1, -1, -1):  # the first one last: what it foresees stays
         told = foreseen, rewards[member], values[member]
-        _roll_lanes((nodes, roots[member]), inertia, (states, actions), (chosen, begins, origins), told, distances)
+        _roll_lanes((nodes, roots[member]), inertia, (states, actions), (chosen, begins, origins), told, relations)
     for lane in range(1, n):
         begin, origin = begins[lane], origins[lane]
         foreseen[lane, :begin], rewards[:, lane, :begin] = foreseen[origin, :begin], rewards[:, origin, :begin]
@@ -104,7 +107,7 @@ def _roll_lanes(  # noqa: PLR0917 - compiled functions take no keywords
     past: tuple[Floats, Floats],
     lanes: tuple[Floats, Ints, Ints],
     told: tuple[Floats, Floats, Floats],
-    distances: bool,
+    relations: Relations,
 ) -> None:
     """Roll forward in one forest, writing states, ``(n, t, d)``, rewards, ``(n, t)``, and values, ``(n,)``.
 
@@ -114,7 +117,7 @@ def _roll_lanes(  # noqa: PLR0917 - compiled functions take no keywords
     foreseen, rewards, values = told
     n, length, dimension = foreseen.shape
     window, before = _repeated(states, n), _repeated(actions, n)
-    columns = width(dimension, len(states), len(actions))
+    columns = width(dimension, len(states), len(actions), relations)
     changes, going = np.empty((dimension + 1, n), np.float32), np.ones(n, np.bool_)
     begun = 1
     for t in range(length):
@@ -123,7 +126,7 @@ def _roll_lanes(  # noqa: PLR0917 - compiled functions take no keywords
             window[:, :, begun], before[:, begun], going[begun] = window[:, :, origin], before[:, origin], going[origin]
             begun += 1
         rows, active = np.empty((columns, begun), np.float32), np.flatnonzero(going[:begun])
-        _lay_out(window, before, chosen[t], rows, distances)
+        _lay_out(window, before, chosen[t], rows, relations)
         _descend(nodes, roots[: dimension + 1], rows, active, changes)
         _go_on(window, inertia, changes, active)
         _advance(window, before, chosen[t], changes, active)
@@ -134,7 +137,7 @@ def _roll_lanes(  # noqa: PLR0917 - compiled functions take no keywords
             for i in range(dimension):
                 foreseen[s, t, i] = window[0, i, s]
     rows = np.empty((columns, begun), np.float32)
-    _lay_out(window, before, chosen[length], rows, distances)
+    _lay_out(window, before, chosen[length], rows, relations)
     _descend(nodes, roots[dimension + 1 :], rows, np.flatnonzero(going[:begun]), values.reshape(1, n))
 
 
@@ -170,21 +173,21 @@ def _advance(window: Floats, before: Floats, chosen: Floats, changes: Floats, ac
 
 
 @compiled
-def width(dimension: int, past_states: int, past_actions: int) -> int:
+def width(dimension: int, past_states: int, past_actions: int, relations: Relations) -> int:
     """Return how many numbers `lay_out` makes of one decision."""
-    return dimension * (past_states + 1) + dimension * (dimension - 1) + 1 + past_actions
+    pairs, distances = relations
+    return dimension * (past_states + 1) + len(pairs) * (4 if distances else 2) + 1 + past_actions
 
 
 @compiled
-def _lay_out(states: Floats, actions: NDArray[Any], chosen: NDArray[Any], rows: Floats, distances: bool) -> None:
+def _lay_out(states: Floats, actions: NDArray[Any], chosen: NDArray[Any], rows: Floats, relations: Relations) -> None:
     """Write the state, how it changed from decision to decision, how its numbers relate, and the actions.
 
     A tree compares one number with a cut at a time, so "the ball is below the paddle" must be one number: the
-    differences of all pairs, now and after as much change again. "It touches the paddle" is one number only as a
-    distance. Of ``(h, d, n)`` states, ``(p, n)`` actions before
-    and ``(n,)`` actions now it makes ``(f, n)`` rows.
+    differences of pairs, now and after as much change again. "It touches the paddle" is one number only as a
+    distance. Of ``(h, d, n)`` states, ``(p, n)`` actions before and ``(n,)`` actions now it makes ``(f, n)`` rows.
     """
-    (past, dimension, _), n = states.shape, rows.shape[1]
+    (past, dimension, _), n, (pairs, distances) = states.shape, rows.shape[1], relations
     for i in range(dimension):
         for s in range(n):
             rows[i, s] = states[0, i, s]
@@ -195,12 +198,13 @@ def _lay_out(states: Floats, actions: NDArray[Any], chosen: NDArray[Any], rows: 
             for s in range(n):
                 rows[at, s] = states[h, i, s] - states[h + 1, i, s]
             at += 1
-    for i in range(dimension):
-        for j in range(i + 1, dimension):
-            for s in range(n):
-                gap = rows[i, s] - rows[j, s]
-                rows[at, s] = abs(gap) if distances else gap
-                rows[at + 1, s] = rows[dimension + i, s] - rows[dimension + j, s]
+    for i, j in pairs:
+        for s in range(n):
+            rows[at, s] = rows[i, s] - rows[j, s]
+            rows[at + 1, s] = rows[dimension + i, s] - rows[dimension + j, s]
+        at += 2
+        if distances:
+            rows[at : at + 2] = np.abs(rows[at - 2 : at])
             at += 2
     rows[at] = chosen[:n]
     rows[at + 1 :] = actions[:, :n]

@@ -10,8 +10,8 @@ from semrl.arrays import Arrays, nest, unnest
 from semrl.errors import UsageError
 from semrl.ontology.experience import Experience
 from semrl.ontology.rules import Rule, feature_names, read_rules
-from semrl.ontology.tree_kernels import lay_out, width
-from semrl.ontology.trees import Forests, action_column
+from semrl.ontology.tree_kernels import Relations, lay_out, width
+from semrl.ontology.trees import Forests
 from semrl.types import Floats, Ints, Moment, Scenarios, Trajectory
 
 MAX_DIMENSION = 32
@@ -36,8 +36,8 @@ class TreesConfig:
     past_actions: int = 3
     """Actions before that are looked at: things that have inertia go on by them."""
     distances: bool = False
-    """Whether how far two numbers lie apart is looked at in place of their difference (that of where they go stays):
-    a contact is one cut then, where it was two, which counts when little was lived."""
+    """Whether how far two numbers lie apart is looked at beside their difference: a contact is one cut of a distance
+    and two of a difference, which counts when little was lived."""
     resolution: float = 1 / 255
     """Least difference between two states that means anything; RAM features are bytes divided by 255."""
     least_changes: float = 0.001
@@ -89,6 +89,8 @@ class TreeWorld:
         What a reward counts one decision later.
     seed
         Of the draws that the forests are grown from.
+    axes
+        ``(d,)`` int64: numbers of one axis are compared with each other, those of −1 with none; all of them when None.
 
     Attributes
     ----------
@@ -106,7 +108,9 @@ class TreeWorld:
         When states are too long for trees.
     """
 
-    def __init__(self, config: TreesConfig, dimension: int, *, discount: float = 1.0, seed: int = 0) -> None:
+    def __init__(
+        self, config: TreesConfig, dimension: int, *, discount: float = 1.0, seed: int = 0, axes: Ints | None = None
+    ) -> None:
         if dimension > MAX_DIMENSION:
             raise UsageError(
                 f"trees learn from states of at most {MAX_DIMENSION} numbers, not {dimension}; "
@@ -116,11 +120,18 @@ class TreeWorld:
         self.discount = discount
         self.seed = seed
         self.experience = Experience(config.capacity, dimension)
-        self.forests = Forests(config.members, distances=config.distances)
+        self.axes = np.zeros(dimension, np.int64) if axes is None else axes
+        self.forests = Forests(config.members)
         self.varying_ = np.arange(dimension)
         self.inertia_ = np.zeros(dimension, np.float32)
         self.seen_ = 0
         self.grown_ = np.zeros(config.members, np.int64)
+
+    @property
+    def relations_(self) -> Relations:
+        """Which of the numbers that vary are compared, and how."""
+        axes = self.axes[self.varying_]
+        return np.argwhere(np.triu(axes[:, None] == axes, 1) & (axes >= 0)), self.config.distances
 
     @property
     def is_fitted(self) -> bool:
@@ -149,12 +160,14 @@ class TreeWorld:
         window = np.rint(moment.window(c.past_states)[:, self.varying_] / unit)
         past = self.inertia_, window, moment.recent(c.past_actions)
         screened = 0 < c.screening < c.members and len(sequences) >= _FEWEST_SCREENED
-        foreseen, rewards, values = self.forests.roll(*past, sequences, slice(c.screening if screened else None))
+        relations = self.relations_
+        members = slice(c.screening if screened else None)
+        foreseen, rewards, values = self.forests.roll(*past, sequences, relations, members)
         if screened:
             means = self._returns(rewards, values).mean(axis=0)
             best = np.sort(np.argsort(-means, kind="stable")[: len(sequences) // 4])
             sequences = sequences[best]
-            _, more_rewards, more_values = self.forests.roll(*past, sequences, slice(c.screening, None))
+            _, more_rewards, more_values = self.forests.roll(*past, sequences, relations, slice(c.screening, None))
             foreseen = foreseen[best]
             rewards = np.concatenate([rewards[:, best], more_rewards])
             values = np.concatenate([values[:, best], more_values])
@@ -193,7 +206,7 @@ class TreeWorld:
         """
         varying = [names[i] for i in self.varying_.tolist()]
         c = self.config
-        columns = feature_names(varying, c.past_states, c.past_actions, distances=c.distances)
+        columns = feature_names(varying, c.past_states, c.past_actions, self.relations_)
         scale = c.resolution / unit if unit else 1.0
         changing = [
             f"the change of {name}" if inert else name for name, inert in zip(varying, self.inertia_, strict=True)
@@ -224,11 +237,11 @@ class TreeWorld:
         signs = np.sign(rewards)
         returns = lived.returns(self.discount) if c.value_leaf_decisions else np.zeros_like(signs)
         wanted = np.column_stack([changes - self.inertia_ * before, signs, returns]).astype(np.float64)
-        most = max(c.most_numbers // width(len(self.varying_), c.past_states, c.past_actions), 1)
+        most = max(c.most_numbers // self._columns, 1)
         if len(wanted) > most:
             drawn = np.sort(rng.choice(len(wanted), most, replace=False))
             windows, pasts, actions, wanted = windows[drawn], pasts[drawn], actions[drawn], wanted[drawn]
-        return lay_out(windows, pasts, actions, c.distances), wanted
+        return lay_out(windows, pasts, actions, self.relations_), wanted
 
     def to_arrays(self) -> Arrays:
         """Return trees and memory."""
@@ -236,6 +249,7 @@ class TreeWorld:
             "counts": np.array([self.seen_, *self.grown_]),
             "varying": self.varying_,
             "inertia": self.inertia_,
+            "columns": np.array(self._columns),
         }
         return nest(forests=self.forests.to_arrays(), experience=self.experience.to_arrays()) | own
 
@@ -249,6 +263,12 @@ class TreeWorld:
         self.forests.from_arrays(unnest(arrays, "forests"))
         self.varying_, self.inertia_ = arrays["varying"], arrays["inertia"]
         self.seen_, self.grown_ = int(arrays["counts"][0]), arrays["counts"][1:].copy()
+        if int(arrays["columns"]) != self._columns:
+            raise ValueError(f"its trees look at {int(arrays['columns'])} numbers, not {self._columns}")
+
+    @property
+    def _columns(self) -> int:
+        return int(width(len(self.varying_), self.config.past_states, self.config.past_actions, self.relations_))
 
     def _is_due(self, seen: int) -> bool:
         c = self.config
@@ -263,7 +283,7 @@ class TreeWorld:
         rng = np.random.default_rng([self.seed, seen])
         rows, wanted = self.lessons(lived, rng)
         leaves = c.leaf_rows(wanted.shape[1])
-        unseen = action_column(wanted.shape[1] - 2, c.past_states)
+        unseen = rows.shape[1] - 1 - c.past_actions  # the action
         same = np.array_equal(known[0], self.varying_) and np.array_equal(known[1], self.inertia_)
         oldest = int(self.grown_.argmin()) if self.is_fitted and same else None
         self.forests.fit(rows, wanted, rng, leaf_rows=leaves, unseen=unseen, member=oldest)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from semrl.arrays import Arrays, nest, unnest
 from semrl.ontology.cart import bins_of, grow_tree
-from semrl.ontology.tree_kernels import NODE, ask, roll
+from semrl.ontology.tree_kernels import NODE, Relations, ask, roll
 from semrl.types import Floats, Ints
 
 
@@ -47,13 +47,10 @@ class Forests:
     ----------
     members
         Forests.
-    distances
-        Whether they look at distances; see `semrl.ontology.tree_kernels.lay_out`, which makes what they are shown.
     """
 
-    def __init__(self, members: int, *, distances: bool = False) -> None:
+    def __init__(self, members: int) -> None:
         self.members = members
-        self.distances = distances
         self._grown = [_Forest.empty() for _ in range(members)]
         self._pack()
 
@@ -100,8 +97,14 @@ class Forests:
         """Return what each forest predicts, ``(members, b, k)``, for ``(b, d)`` rows."""
         return np.asarray(ask((self._packed, self._roots), np.ascontiguousarray(rows.T, np.float32)))
 
-    def roll(
-        self, inertia: Floats, states: Floats, actions: Floats, sequences: Ints, members: slice = slice(None)
+    def roll(  # noqa: PLR0917 - what is known, in the order of the compiled code
+        self,
+        inertia: Floats,
+        states: Floats,
+        actions: Floats,
+        sequences: Ints,
+        relations: Relations,
+        members: slice = slice(None),
     ) -> tuple[Floats, Floats, Floats]:
         """Roll sequences of actions forward in every forest, or some.
 
@@ -115,6 +118,8 @@ class Forests:
             ``(h, d)`` and ``(p,)`` of the past, the newest first.
         sequences
             ``(s, t)``.
+        relations
+            Which numbers are compared in what the trees are shown.
         members
             Which forests are asked.
 
@@ -125,7 +130,7 @@ class Forests:
             expected beyond. After its first reward a scenario stands still and is worth no more: what follows is
             another rally, of which little is known.
         """
-        return roll((self._packed, self._roots[members]), inertia, states, actions, sequences, self.distances)
+        return roll((self._packed, self._roots[members]), inertia, states, actions, sequences, relations)
 
     def to_arrays(self) -> Arrays:
         """Return the trees."""
@@ -175,8 +180,3 @@ class _Forest:
     def to_arrays(self) -> Arrays:
         """Return the trees."""
         return {"nodes": self.nodes, "numbers": self.numbers, "support": self.support, "roots": self.roots}
-
-
-def action_column(dimension: int, past_states: int) -> int:
-    """Return in which column of `lay_out` the action stands."""
-    return dimension * (past_states + dimension)

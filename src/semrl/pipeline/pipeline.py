@@ -21,7 +21,7 @@ from semrl.pipeline.config import PipelineConfig, View, make_embedder
 from semrl.protocols import Embedder, Persistent
 from semrl.reduction import ObjectPCA
 from semrl.state import ram_feature_names, ram_features, to_grey
-from semrl.tracking import SLOT_NUMBERS, Roles, follow, no_tracks
+from semrl.tracking import AXES, SLOT_NUMBERS, Roles, follow, no_tracks
 from semrl.types import IMAGE_SIZE_PX, Floats, Frame, Image, Ints, Objects, Observation, SceneGraph, Tracks
 
 
@@ -94,6 +94,13 @@ class Pipeline:
         if self.view == "objects" or self._listed:
             return tuple(f"{role} {name}" for role in self.roles.names_ for name in SLOT_NUMBERS)
         return ()
+
+    @property
+    def axes(self) -> Ints | None:
+        """Along which axis each fact lies, ``(k,)``, −1 for what is no place; None where that is not known."""
+        if self.view == "objects" or self._listed:
+            return np.tile([AXES.index(name) if name in AXES else -1 for name in SLOT_NUMBERS], self.config.roles.slots)
+        return None
 
     def begin_episode(self) -> None:
         """Forget the tracks of the episode before."""

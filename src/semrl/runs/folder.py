@@ -21,7 +21,8 @@ FORMAT = 1
 KEPT_CHECKPOINTS = 2
 PLAYABLE = (
     "pipeline/", "agent/network/", "reasoner/state_map/", "reasoner/world/next_state/", "reasoner/world/reward/",
-    "reasoner/world/forests/", "reasoner/world/counts", "reasoner/world/varying", "reasoner/world/inertia",
+    "reasoner/world/forests/", "reasoner/world/counts", "reasoner/world/columns", "reasoner/world/varying",
+    "reasoner/world/inertia",
     "schooling/position", "decisions",
 )  # fmt: skip
 """What the arrays begin with that are needed to play."""

@@ -84,7 +84,9 @@ def build_trainer(config: RunConfig, observers: Sequence[Observer] = ()) -> Trai
     reasoner = None
     if reasons:
         first, after = pipeline.facts.start, pipeline.facts.stop
-        reasoner = Reasoner(config.reasoning, after - first, game.n_actions, seed=seeds[3], first=first)
+        reasoner = Reasoner(
+            config.reasoning, after - first, game.n_actions, seed=seeds[3], first=first, axes=pipeline.axes
+        )
     goal_size = reasoner.goal_size if reasoner else 0
     agent = DQN(
         config.agent,

@@ -19,6 +19,9 @@ from semrl.types import IMAGE_SIZE_PX, Floats, Ints, Tracks
 SLOT_NUMBERS = ("x", "y", "seen")
 """What is told of each slot."""
 
+AXES = ("x", "y")
+"""Those of them that are places."""
+
 LEAST_SEEN_SHARE = 0.02
 """Share of the decisions at which a role must have been seen."""
 
