@@ -95,8 +95,7 @@ class Reasoner:
     first
         Where it begins in what perception encodes; it is the end of it.
     axes
-        ``(dimension,)`` int64: along which axis each number lies, so that some can be compared; −1: no place. All of
-        them can when None.
+        ``(dimension,)`` int64: along which axis each number lies, −1: along none; all along one when None.
 
     Attributes
     ----------

@@ -243,12 +243,15 @@ def test_saved_midway_it_goes_on_bit_for_bit(saved_after):
     np.testing.assert_array_equal(told[0].rewards, told[1].rewards)
 
 
-def test_numbers_are_compared_along_an_axis():
-    made = TreeWorld(CONFIG, 6, axes=np.array([0, 1, -1, 0, 1, -1]))
-    assert made.relations_[0].tolist() == [[0, 3], [1, 4]]
+def test_distances_are_those_along_an_axis():
+    config, axes = dataclasses.replace(CONFIG, distances=True), np.array([0, 1, -1, 0, 1, -1])
+    made = TreeWorld(config, 6, axes=axes)
+    assert made.relations_[0].tolist() == [[0, 3], [1, 4]] and made.relations_[1]
     made.varying_ = np.array([0, 2, 3, 5])
     assert made.relations_[0].tolist() == [[0, 2]]  # among those that vary
-    assert len(TreeWorld(CONFIG, 6).relations_[0]) == 15
+    every = [[i, j] for i in range(6) for j in range(i + 1, 6)]
+    assert TreeWorld(config, 6).relations_[0].tolist() == every
+    assert TreeWorld(CONFIG, 6, axes=axes).relations_[0].tolist() == every
 
 
 def test_trees_that_look_at_other_numbers_are_refused():

@@ -36,8 +36,8 @@ class TreesConfig:
     past_actions: int = 3
     """Actions before that are looked at: things that have inertia go on by them."""
     distances: bool = False
-    """Whether how far two numbers lie apart is looked at beside their difference: a contact is one cut of a distance
-    and two of a difference, which counts when little was lived."""
+    """Whether numbers are compared along an axis alone, and by how far they lie apart as well: a contact is one cut of
+    a distance and two of a difference, which counts when little was lived."""
     resolution: float = 1 / 255
     """Least difference between two states that means anything; RAM features are bytes divided by 255."""
     least_changes: float = 0.001
@@ -90,7 +90,7 @@ class TreeWorld:
     seed
         Of the draws that the forests are grown from.
     axes
-        ``(d,)`` int64: numbers of one axis are compared with each other, those of −1 with none; all of them when None.
+        ``(d,)`` int64: numbers of one axis have a distance, those of −1 none; all of them have when None.
 
     Attributes
     ----------
@@ -130,8 +130,9 @@ class TreeWorld:
     @property
     def relations_(self) -> Relations:
         """Which of the numbers that vary are compared, and how."""
-        axes = self.axes[self.varying_]
-        return np.argwhere(np.triu(axes[:, None] == axes, 1) & (axes >= 0)), self.config.distances
+        axes, distances = self.axes[self.varying_], self.config.distances
+        comparable = (axes[:, None] == axes) & (axes >= 0) if distances else np.ones((len(axes), len(axes)), np.bool_)
+        return np.argwhere(np.triu(comparable, 1)), distances
 
     @property
     def is_fitted(self) -> bool:
