@@ -1,14 +1,17 @@
 """Play that is remembered: studied by perception stage by stage, recalled by map and models."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
+from semrl.errors import SemrlError
 from semrl.pipeline import Pipeline, PipelineConfig
 from semrl.reasoning import Reasoner, ReasoningConfig
 from semrl.rehearsal import played_from_arrays, played_to_arrays, recall, study
 from semrl.schooling import Schooling
 from semrl.stability import StabilityConfig
-from semrl.state import Game, make_env
+from semrl.state import Game, make_env, to_grey
 
 
 class Notes(Schooling):
@@ -55,6 +58,18 @@ def test_every_stage_studies_the_play_from_its_beginning_and_over_again(played):
         shown = schooling.shown[name]
         assert shown == (whole * (len(shown) // len(whole) + 1))[: len(shown)]
     assert len(schooling.shown["pca"]) > 120 > len(whole)  # so it was seen more than once
+
+
+def test_play_without_anything_to_learn_from_is_told(played):
+    game, episodes, _ = played
+    pipeline = Pipeline(PipelineConfig(), "classes")
+    pipeline.detector.partial_fit(to_grey(game.reset().frame))
+    nothing = pipeline.detect(game.reset())
+    pipeline.detect = lambda _: dataclasses.replace(nothing, crops=nothing.crops[:0])
+    schooling = Schooling(pipeline, StabilityConfig(batches=20, max_batches=150, decisions=1))
+    schooling.learn(game.reset())
+    with pytest.raises(SemrlError, match="'pca' finds nothing to learn from in 100 decisions"):
+        list(study(game, pipeline, schooling, episodes))
 
 
 def test_recalled_play_is_learned_as_if_it_had_been_played(played):

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from semrl.arrays import Arrays, arrays_to_ragged, nest, ragged_to_arrays, unnest
+from semrl.errors import SemrlError
 from semrl.pipeline import Pipeline
 from semrl.reasoning import Reasoner
 from semrl.schooling import Schooling
@@ -24,12 +25,24 @@ def study(game: Game, pipeline: Pipeline, schooling: Schooling, played: Sequence
     ------
     Stage
         That has learned from an observation, once for each.
+
+    Raises
+    ------
+    SemrlError
+        When a stage would never be complete, since there is nothing in the play that it could learn from.
     """
     while (stage := schooling.current) is not None:
         for observation, action in _seen_again(game, pipeline, played):
             yield schooling.learn(observation, action)
             if schooling.current is not stage:
                 break
+        else:
+            if stage.batches_ >= max(stage.goal, schooling.max_batches):
+                seen = sum(len(episode.actions) for episode in played)
+                raise SemrlError(
+                    f"the stage '{stage.name}' finds nothing to learn from in {seen:,} decisions; "
+                    "try more of them with --stability.decisions"
+                )
 
 
 def _seen_again(game: Game, pipeline: Pipeline, played: Sequence[Played]) -> Iterator[tuple[Observation, int | None]]:

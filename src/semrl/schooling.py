@@ -44,11 +44,14 @@ class Schooling:
     ----------
     remembers : bool
         Whether all is learned from the same play.
+    max_batches : int
+        Batches after which a stage ends that can go on without being stable.
     """
 
     def __init__(self, pipeline: Pipeline, config: StabilityConfig) -> None:
         stages = _stages(pipeline, pipeline.view, config)
         self.remembers = bool(config.decisions and stages)
+        self.max_batches = config.max_batches
         self.stages: Sequence[Stage] = [PlayStage(pipeline, config.decisions), *stages] if self.remembers else stages
         self._position = 0
 
