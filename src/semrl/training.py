@@ -1,13 +1,14 @@
 """The one environment loop: perception first, then the agent; observers hang on it."""
 
 from collections.abc import Sequence
-from typing import Any, Protocol, Self
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semrl.agent import DQN
 from semrl.arrays import Arrays, array_to_rng, nest, rng_to_array, unnest
+from semrl.episode import Episode
 from semrl.pipeline import Pipeline
 from semrl.reasoning import Reasoner
 from semrl.rehearsal import played_from_arrays, played_to_arrays, recall, study
@@ -80,7 +81,7 @@ class Trainer:
         self.returns_: list[float] = []
         self.episodes_ = 0
         self._rng = np.random.default_rng(seed)
-        self._episode: _Episode | None = None
+        self._episode: Episode | None = None
         self._played: list[Played] = []  # what perception is to study
 
     @property
@@ -136,20 +137,20 @@ class Trainer:
             self.reasoner.from_arrays(unnest(arrays, "reasoner"))
         observation = self.game.from_arrays(unnest(arrays, "game"))
         episode = unnest(arrays, "episode")
-        self._episode = _Episode.from_arrays(observation, episode) if observation and episode else None
+        self._episode = Episode.from_arrays(observation, episode) if observation and episode else None
         self._played = played_from_arrays(unnest(arrays, "played"))
         self._rng = array_to_rng(arrays["rng"])
         self.decisions_ = int(arrays["decisions"])
         self.returns_ = arrays["returns"].tolist()
         self.episodes_ = int(arrays["episodes"])
 
-    def _begin(self) -> "_Episode":
+    def _begin(self) -> Episode:
         observation = self.game.reset()
         self.pipeline.begin_episode()
         # What was recalled stands for an episode of the agent's.
         planned = self.reasoner is not None and self.reasoner.leads(self.episodes_ + self.schooling.remembers)
         seen = None if self.perceiving else self._see(observation, curious=planned)
-        return _Episode(observation, None if seen is None else np.stack([seen, seen]), planned=planned)
+        return Episode(observation, None if seen is None else np.stack([seen, seen]), planned=planned)
 
     def _see(self, observation: Observation, *, curious: bool, learn: bool = False) -> NDArray[Any]:
         """Return what the agent is shown: the state and, where there is a map, the goal; learn from a reward first."""
@@ -160,7 +161,7 @@ class Trainer:
             self.reasoner.revise(encoded)
         return self.reasoner.think(encoded, curious=curious)[0]
 
-    def _perceive(self, episode: "_Episode") -> None:
+    def _perceive(self, episode: Episode) -> None:
         """Show perception one frame and act at random."""
         stage = self.schooling.learn(episode.observation, episode.action)
         episode.action = int(self._rng.integers(self.game.n_actions))
@@ -183,7 +184,7 @@ class Trainer:
             recall(self.game, self.pipeline, self.reasoner, self._played)
         self._played = []
 
-    def _act(self, episode: "_Episode") -> None:
+    def _act(self, episode: Episode) -> None:
         """Let the agent take one decision and learn from what it led to."""
         assert episode.state is not None
         advised = self.reasoner.proposed_action if self.reasoner else None
@@ -206,7 +207,7 @@ class Trainer:
             self.agent.end_episode(seen)
             self._finish(episode, seen)
 
-    def _finish(self, episode: "_Episode", last: NDArray[Any]) -> None:
+    def _finish(self, episode: Episode, last: NDArray[Any]) -> None:
         self._episode = None
         self.episodes_ += 1
         if not episode.planned:
@@ -231,39 +232,3 @@ class Trainer:
         position = {"decisions": self.decisions_, "frames": self.decisions_ * self.agent.frame_skip}
         for observer in self.observers:
             observer.on_row({**row, **position})
-
-
-class _Episode:
-    """Where the current episode stands."""
-
-    def __init__(self, observation: Observation, state: NDArray[Any] | None, *, planned: bool) -> None:
-        self.observation = observation
-        self.planned = planned  # whether the planner plays
-        self.state = state  # (2, *shape): what the agent is shown now and was shown before
-        self.action: int | None = None  # while perception learns, the one that led here
-        self.total = 0.0
-        self.length = 0
-
-    def advance(self, observation: Observation, seen: NDArray[Any], reward: float) -> None:
-        """Move on by one decision."""
-        assert self.state is not None
-        self.observation = observation
-        self.state = np.stack([seen, self.state[0]])
-        self.total += reward
-        self.length += 1
-
-    def to_arrays(self) -> Arrays:
-        """Return everything but the observation, which the game keeps."""
-        state = {} if self.state is None else {"state": self.state}
-        action = {} if self.action is None else {"action": np.array(self.action)}
-        own = {"total": np.array(self.total), "length": np.array(self.length), "planned": np.array(self.planned)}
-        return own | state | action
-
-    @classmethod
-    def from_arrays(cls, observation: Observation, arrays: Arrays) -> Self:
-        """Make the episode again."""
-        episode = cls(observation, arrays.get("state"), planned=bool(arrays["planned"]))
-        episode.total = float(arrays["total"])
-        episode.length = int(arrays["length"])
-        episode.action = int(arrays["action"]) if "action" in arrays else None
-        return episode
