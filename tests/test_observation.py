@@ -194,3 +194,5 @@ def test_perception_of_another_game_is_refused(objects_run):
     pipeline.rom = "breakout"
     with pytest.raises(UsageError, match="has learned to see breakout, not pong"):
         SemanticObservation(make_env(), pipeline)
+    with pytest.raises(UsageError, match="has learned to see breakout, not pong"):
+        SemanticVectorObservation(gym.vector.SyncVectorEnv([make_env] * 2), pipeline)

@@ -110,8 +110,9 @@ class SemanticVectorObservation(gym.vector.VectorObservationWrapper):
     Raises
     ------
     UsageError
-        When the frames are no RGB images, the run has not learned to write scenes as vectors, or environments begin
-        anew otherwise than at the next step (Gymnasium's default).
+        When the frames are no RGB images, the run has not learned to write scenes as vectors or was trained on another
+        Atari game (which environments in other processes do not tell), or environments begin anew otherwise than at
+        the next step (Gymnasium's default).
     """
 
     def __init__(self, env: gym.vector.VectorEnv[Any, Any, Any], encoder: str | Path | Pipeline) -> None:
@@ -122,6 +123,8 @@ class SemanticVectorObservation(gym.vector.VectorObservationWrapper):
         _check_frames(env.single_observation_space)
         self.pipeline = encoder if isinstance(encoder, Pipeline) else load_pipeline(encoder)
         _check_learned(self.pipeline, "vector")
+        for single in getattr(env.unwrapped, "envs", ()):  # those in other processes do not tell their game
+            _check_game(self.pipeline, rom_name(single))
         self.feature_names = _feature_names(self.pipeline)
         self.single_observation_space = _vector_space(self.pipeline)
         self.observation_space = gym.vector.utils.batch_space(self.single_observation_space, env.num_envs)
