@@ -87,6 +87,6 @@ def test_what_does_not_fit_is_refused(detector):
         detector.detect(np.zeros((84, 84, 3), np.uint8))
     with pytest.raises(DataError, match="expected a frame"):
         detector.detect(np.zeros((210, 160, 3), np.float32))
-    for wrong in ({"background_frames": 0}, {"max_objects": 0}, {"contrast": 255}):
+    for wrong in ({"background_frames": 0}, {"max_objects": 0}, {"contrast": 255}, {"parts_share": 0}):
         with pytest.raises(UsageError):
             ForegroundConfig(**wrong)

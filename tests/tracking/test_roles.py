@@ -65,6 +65,18 @@ def test_what_moves_has_a_slot_and_what_stands_still_has_none(learned):
     assert (learned.moving_[learned.slots_] > 0.8).all()
 
 
+def test_what_changes_in_its_place_has_no_slot():
+    """The digits of a clock change now and then, and their middle with them."""
+    roles, tracks = Roles(RolesConfig(frames=FRAMES, slots=4)), no_tracks(N_CLASSES)
+    for t, (action, seen) in enumerate(game(3, FRAMES)):
+        (tracks,) = followed([[*seen, (2, 5 + 0.5 * (t // 4 % 3), 60)]], tracks=tracks)
+        roles.partial_fit(tracks, action)
+        tracks = replace(tracks, roles=roles.predict(tracks))
+    clock = np.abs(roles.means_px_[:, 1] - 60) < 2
+    assert (roles.moving_[clock] > 0.2).any() and (roles.seen_[clock] > 0.5).any()
+    assert len(roles.slots_) == 3 and not clock[roles.slots_].any()
+
+
 def test_the_action_moves_the_player_alone(learned):
     controlled = learned.controlled_[learned.slots_]
     assert controlled.sum() == 1 and controlled[slot_of(learned, 74)]

@@ -10,10 +10,14 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from semrl.arrays import Arrays
-from semrl.detection.foreground_kernels import draw_objects, find_components, vote
+from semrl.arrays import Arrays, nest, unnest
+from semrl.detection.foreground_kernels import Places, draw_objects, find_components, vote
+from semrl.detection.parts import Parts
 from semrl.errors import DataError, UsageError
-from semrl.types import IMAGE_SIZE_PX, Frame, Image, Objects
+from semrl.types import IMAGE_SIZE_PX, Frame, Image, Ints, Objects
+
+_PIECES = 4
+"""An object may be found in so many pieces, on average."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,16 +30,20 @@ class ForegroundConfig:
     """Pixels whose colours differ by more than this in some channel, of 255, are different."""
     max_objects: int = 64
     """Most objects of a frame; the smallest are left out."""
+    parts_share: float = 0.9
+    """Share of one colour's objects that must touch one of another, for what touches of the two to be one object."""
 
     def __post_init__(self) -> None:
         if self.background_frames < 1 or self.max_objects < 1:
             raise UsageError("foreground.background_frames and foreground.max_objects must be 1 or more")
+        if not self.parts_share > 0:
+            raise UsageError(f"foreground.parts_share must be above 0, not {self.parts_share}")
         if not 0 <= self.contrast < 255:
             raise UsageError(f"foreground.contrast must lie in 0 … 254, not {self.contrast}")
 
 
 class ForegroundDetector:
-    """Objects are connected pixels of one colour that differ from the background.
+    """Objects are connected pixels of one colour, or of several that go together, that differ from the background.
 
     The background is the colour that a pixel has most of the time, found by majority vote (Boyer & Moore,
     "MJRTY: a fast majority vote algorithm", 1991), so what stands still is no object. Positions are means over
@@ -57,6 +65,7 @@ class ForegroundDetector:
         self.frames_ = 0
         self._background: Frame = np.zeros((0, 0, 0), np.uint8)
         self._votes: NDArray[np.int32] = np.zeros((0, 0), np.int32)
+        self._parts = Parts(self.config.parts_share)
 
     @property
     def is_fitted(self) -> bool:
@@ -76,6 +85,10 @@ class ForegroundDetector:
                 self._background, self._votes = np.zeros_like(pixels), np.zeros(pixels.shape[:2], np.int32)
             vote(pixels, self._background, self._votes)
             self.frames_ += 1
+            if 2 * self.frames_ > self.config.background_frames:  # by now it is known well enough
+                self._parts.learn(pixels, *self._components(pixels))
+            if self.is_fitted:
+                self._parts.settle(self._background)
         return self
 
     def detect(self, frame: Frame | Image) -> Objects:
@@ -89,7 +102,7 @@ class ForegroundDetector:
         if not self.frames_:
             raise DataError("the detector has seen no frame yet: call partial_fit first")
         pixels = self._checked(frame)
-        places, ends = find_components(pixels, self._background, self.config.contrast)
+        places, ends = self._parts.joined(pixels, *self._components(pixels))
         sizes = np.diff(ends, prepend=0)
         kept = np.sort(np.argsort(-sizes, kind="stable")[: self.config.max_objects])
         drawn = draw_objects(pixels, places, (ends - sizes)[kept], ends[kept], self.crop_size_px, IMAGE_SIZE_PX)
@@ -98,12 +111,29 @@ class ForegroundDetector:
 
     def to_arrays(self) -> Arrays:
         """Return the background and its votes."""
-        return {"frames": np.array(self.frames_), "background": self._background.copy(), "votes": self._votes.copy()}
+        return {
+            "frames": np.array(self.frames_),
+            "background": self._background.copy(),
+            "votes": self._votes.copy(),
+            **nest(parts=self._parts.to_arrays()),
+        }
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Take over a background."""
         self.frames_ = int(arrays["frames"])
         self._background, self._votes = arrays["background"].copy(), arrays["votes"].copy()
+        self._parts.from_arrays(unnest(arrays, "parts"))
+
+    def _components(self, pixels: Frame) -> tuple[Places, Ints]:
+        """Return objects of one colour; of very many only the largest, since all are compared with each other."""
+        places, ends = find_components(pixels, self._background, self.config.contrast)
+        most = _PIECES * self.config.max_objects
+        if len(ends) <= most:
+            return places, ends
+        sizes = np.diff(ends, prepend=0)
+        kept = np.zeros(len(ends), np.bool_)
+        kept[np.argsort(-sizes, kind="stable")[:most]] = True
+        return places[np.repeat(kept, sizes)], np.cumsum(sizes[kept])
 
     def _checked(self, frame: Frame | Image) -> Frame:
         """Return the frame with its channels as last axis."""

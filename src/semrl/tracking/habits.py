@@ -78,6 +78,11 @@ class Habits:
         """How often each role was seen, ``(r,)``."""
         return np.asarray(self.classes.sum(axis=1))
 
+    @property
+    def spreads_px(self) -> NDArray[np.float64]:
+        """How far each role strays from its mean place, ``(r,)``, standard deviation in pixels."""
+        return np.asarray(np.sqrt(self.deviations.sum(axis=1) / np.maximum(self.seen, 1)))
+
     def found(self) -> None:
         """Make room for one more role."""
         wider = ((0, 1), (0, 0))

@@ -25,6 +25,9 @@ AXES = ("x", "y")
 LEAST_SEEN_SHARE = 0.02
 """Share of the decisions at which a role must have been seen."""
 
+LEAST_SPREAD_PX = 2.0
+"""Standard deviation of its places that a role must have: the digits of a clock change, but stay where they are."""
+
 LEAST_INFLUENCE = 0.2
 """Share of the variance of a role's steps that the actions must explain, else it is not controlled."""
 
@@ -221,7 +224,8 @@ class Roles:
 
     @property
     def _matter(self) -> NDArray[np.bool_]:
-        return (self.moving_ >= LEAST_MOVING_SHARE) & (self.seen_ >= LEAST_SEEN_SHARE)
+        strays = self._habits.spreads_px >= LEAST_SPREAD_PX
+        return strays & (self.moving_ >= LEAST_MOVING_SHARE) & (self.seen_ >= LEAST_SEEN_SHARE)
 
     def _merge(self) -> None:
         """Make one of roles that matter, are of one kind and take turns: an object that looked odd founded a second."""

@@ -1,0 +1,184 @@
+"""How well objects are found in several games, scored against what OCAtari reads from the emulator's RAM.
+
+Perception is that of the preset ``semrl`` for the model ``objects``, learned from random play as in a run, and tested
+on random play that it has not seen. A true object counts where it is part of the play (no score, no clock) and moves:
+what stands in one place in more than half of the frames is scenery, which perception leaves out by design. What was
+found is matched one to one: its centre must lie in the true object's box, or two pixels beside it. A kind stands for
+what it mostly matched in the first half of the play; the second half is scored.
+
+OCAtari asks for an old NumPy but runs with ours, so it is installed beside it:
+
+    pip install termcolor pygame scikit-image && pip install --no-deps ocatari==2.2.1
+    python benchmarks/objects.py [--games NAME...] [--decisions N] [--seed S] [--json]
+"""
+
+import json
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import count, islice
+from typing import Any
+
+import machine
+import numpy as np
+import tyro
+from numpy.typing import NDArray
+from ocatari.ram.extract_ram_info import detect_objects_ram, init_objects
+from rich.console import Console
+from rich.table import Table
+from scipy.optimize import linear_sum_assignment
+
+from semrl.experiments.perception import new_run, school
+from semrl.pipeline import Pipeline
+from semrl.runs import RunConfig, preset
+from semrl.runs.session import limited_threads
+from semrl.tracking.habits import LEAST_MOVING_SHARE
+from semrl.types import IMAGE_SIZE_PX, Observation, Tracks
+
+GAMES = ("Pong", "Boxing", "Freeway", "Asterix", "Skiing", "Seaquest", "Tennis", "Kangaroo", "Breakout")
+LAG_PX = 2
+"""The RAM may be a moment ahead of the picture."""
+
+Truth = tuple[str, int, int, int, int]
+"""An object as the RAM has it: its category, left, top, width and height in pixels of the frame."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arguments:
+    """Score what is found in several games."""
+
+    games: tuple[str, ...] = GAMES
+    """Their names, as Gymnasium's environments have them."""
+    decisions: int = 4_000
+    """Decisions of new random play in each: half to name the kinds, half to be scored."""
+    seed: int = 0
+    """Of the random play."""
+    json: bool = False
+    """Print one JSON object and nothing else."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """What was found in one frame.
+
+    Attributes
+    ----------
+    kinds
+        ``(n,)``: the class of what is followed, or its slot.
+    centres
+        ``(n, 2)``: x and y in pixels of the frame.
+    """
+
+    kinds: NDArray[np.int64]
+    centres: NDArray[np.float64]
+
+
+def main(arguments: Arguments) -> None:
+    """Learn to see each game, play it, compare."""
+    with limited_threads(1):
+        rows = {game: score_game(game, arguments) for game in arguments.games}
+        told = {"games": rows, "seed": arguments.seed, "decisions": arguments.decisions, "machine": machine.describe()}
+    if arguments.json:
+        print(json.dumps(told))
+    else:
+        show(told)
+
+
+def score_game(game: str, arguments: Arguments) -> dict[str, Any]:
+    """Score one game: all that is followed and moves, and that of it which has a slot."""
+    config = preset("semrl", "objects", {"env": f"{game}NoFrameskip-v4", "seed": arguments.seed})
+    pipeline = school(config, "objects").pipeline
+    truths: list[list[Truth]] = []
+    followed: list[Found] = []
+    told: list[Found] = []
+    objects = init_objects(game, hud=False)
+    for observation in islice(play(pipeline, config), arguments.decisions):
+        assert observation.ram is not None
+        detect_objects_ram(objects, observation.ram.astype(int), game, hud=False)
+        truths.append([(each.category, *map(int, each.xywh)) for each in objects if each and each.visible])
+        tracks, shape = pipeline.settle_roles(), observation.frame.shape
+        moving = (tracks.unseen == 0) & (tracks.moves > 0) & (tracks.moves >= LEAST_MOVING_SHARE * tracks.ages)
+        followed.append(found(tracks, moving, tracks.classes, shape))
+        slotted = (tracks.unseen == 0) & np.isin(tracks.roles, pipeline.roles.slots_)
+        told.append(found(tracks, slotted, tracks.roles, shape))
+    moved = without_scenery(truths)
+    return {
+        "objects": sum(map(len, moved)) / len(moved),
+        "slots": len(pipeline.roles.slots_),
+        "followed": score(moved, followed),
+        "told": score(moved, told),
+    }
+
+
+def play(pipeline: Pipeline, config: RunConfig) -> Iterator[Observation]:
+    """Act at random and follow the objects, episode after episode."""
+    for episode in count():
+        pipeline.begin_episode()
+        for observation in new_run(replace(config, seed=config.seed + episode), None):
+            pipeline.follow(observation.frame)
+            yield observation
+
+
+def found(tracks: Tracks, chosen: NDArray[np.bool_], kinds: NDArray[np.int64], shape: Sequence[int]) -> Found:
+    """Return some of the tracks, in pixels of the frame."""
+    scale = np.array(shape[:2]) / IMAGE_SIZE_PX
+    return Found(kinds=kinds[chosen], centres=((tracks.centres_px[chosen] + 0.5) * scale - 0.5)[:, ::-1])
+
+
+def without_scenery(truths: list[list[Truth]]) -> list[list[Truth]]:
+    """Leave out what stands in one place in more than half of the frames."""
+    places = Counter(each[:3] for frame in truths for each in set(frame))
+    return [[each for each in frame if places[each[:3]] <= len(truths) / 2] for frame in truths]
+
+
+def score(truths: list[list[Truth]], seen: list[Found]) -> dict[str, float]:
+    """Return precision, recall and F1, and F1 where a match of the wrong kind counts as none."""
+    half = len(truths) // 2
+    pairs = [matches(true, found) for true, found in zip(truths, seen, strict=True)]
+    votes = Counter(pair for frame in pairs[:half] for pair in frame)
+    names: dict[int, str] = {}
+    for (category, kind), _ in votes.most_common():
+        names.setdefault(kind, category)
+    scored = [pair for frame in pairs[half:] for pair in frame]
+    n_true = sum(map(len, truths[half:]))
+    n_found = sum(len(found.kinds) for found in seen[half:])
+    right = sum(names.get(kind) == category for category, kind in scored)
+    return {
+        "precision": len(scored) / max(n_found, 1),
+        "recall": len(scored) / max(n_true, 1),
+        "f1": 2 * len(scored) / max(n_found + n_true, 1),
+        "f1_with_kind": 2 * right / max(n_found + n_true, 1),
+    }
+
+
+def matches(true: list[Truth], found: Found) -> list[tuple[str, int]]:
+    """Match one frame so that distances are least; return the category and kind of each match."""
+    if not true or not len(found.kinds):
+        return []
+    boxes = np.array([each[1:] for each in true], np.float64)
+    away = np.abs(found.centres[None] - (boxes[:, None, :2] + (boxes[:, None, 2:] - 1) / 2))  # (true, found, 2)
+    inside = (away <= boxes[:, None, 2:] / 2 + LAG_PX).all(axis=2)
+    distances = np.where(inside, np.hypot(*np.moveaxis(away, 2, 0)), 1e6)
+    return [
+        (true[i][0], int(found.kinds[j]))
+        for i, j in zip(*linear_sum_assignment(distances), strict=True)
+        if inside[i, j]
+    ]
+
+
+def show(told: dict[str, Any]) -> None:
+    """Print a table."""
+    names = ("precision", "recall", "f1", "f1_with_kind")
+    table = Table("game", "true", "found", *names, box=None, padding=(0, 1, 0, 0))
+    for game, row in told["games"].items():
+        for what in ("followed", "told"):
+            of = f"{what}, {row['slots']} slots" if what == "told" else what
+            table.add_row(game, f"{row['objects']:.1f}", of, *(f"{row[what][name]:.3f}" for name in names))
+    console = Console()
+    console.print(table)
+    console.print(f"{told['decisions']:,} decisions a game, seed {told['seed']}", highlight=False)
+    console.print(machine.sentence(told["machine"]), highlight=False)
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Arguments))
