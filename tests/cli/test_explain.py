@@ -13,8 +13,8 @@ from semrl.runs.rules import unit_of
 
 KEYS = {
     "run", "model", "env", "trained_decisions", "policy", "seed", "episode", "step", "exploration", "return_so_far",
-    "features", "place", "path", "cutoff", "scenarios", "n_scenarios", "n_imagined", "reason", "goal", "deed",
-    "aftermath", "objects", "joined", "html",
+    "features", "place", "path", "cutoff", "scenarios", "n_scenarios", "n_imagined", "reason", "otherwise", "goal",
+    "deed", "aftermath", "objects", "joined", "html",
 }  # fmt: skip
 
 
@@ -50,7 +50,7 @@ def test_people_are_told(call, map_run, monkeypatch):
     told = next(e for e in (explain(map_run, episode=2, step=k, seed=5) for k in range(45)) if e.path)
     result = call("explain", map_run, "--episode", 2, "--step", told.step, "--seed", 5)
     assert result.status == 0 and "written" not in result.out
-    for said in (telling.seen, telling.place, telling.way, telling.deed, telling.aftermath):
+    for said in (telling.seen, telling.place, telling.way, telling.otherwise, telling.deed, telling.aftermath):
         assert said(told) in result.out
     for scenario in told.scenarios:
         assert telling.compact(scenario.actions) in result.out

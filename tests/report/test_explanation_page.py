@@ -42,6 +42,7 @@ def test_everything_is_on_the_page(told, tmp_path):
     page = Wellformed(text)
     said = words(page)
     assert f"Why {told.deed.action}?" in said and told.reason in said and telling.deed(told) in said
+    assert telling.otherwise(told) in said
     for scenario in told.scenarios:
         assert f'aria-label="{telling.compact(scenario.actions)}: {telling.rewards(scenario.rewards)}"' in text
         assert telling.ending(told, scenario) in said

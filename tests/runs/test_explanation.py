@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from semrl.errors import UsageError
-from semrl.report.telling import place
+from semrl.report.telling import otherwise, place
 from semrl.runs import RunFolder, load_player, train
 from semrl.runs.config import write_toml
 from semrl.runs.evaluation import EVALUATION_SEED
@@ -110,6 +110,18 @@ def test_scenarios_are_sorted_and_those_of_the_planner(map_run):
                 assert scenario.end_node not in on_path
             else:
                 assert on_path[scenario.progress] == scenario.end_node
+
+
+def test_what_the_other_action_would_bring_is_told(map_run):
+    _, steps = played(map_run)
+    for k in STEPS:
+        told, plan = explain(map_run, episode=1, step=k), steps[k].thought.plan
+        (other,) = told.otherwise
+        assert other.actions[0] in NAMES and other.actions[0] != told.scenarios[0].actions[0]
+        begins = plan.scenarios.actions[:, 0] == NAMES.index(other.actions[0])
+        assert other.rank == np.flatnonzero(begins)[0] + 1 and other.predicted_return == plan.returns[begins].max()
+        assert otherwise(told).startswith(f"{other.actions[0]} at best ") and "None of" not in otherwise(told)
+    assert otherwise(replace(told, otherwise=())) == f"None of the 8 scenarios begins with {other.actions[0]}."
 
 
 def test_the_goal_is_what_the_agent_was_shown(map_run):

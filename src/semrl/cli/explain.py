@@ -92,8 +92,9 @@ def _show(e: Explanation) -> None:
     console.print()
     console.print(_scenarios(e))
     console.print()
+    why = {"why the first": e.reason, "why no other": telling.otherwise(e)}
     goal = {f"told: {part.part}": telling.told(part) for part in e.goal}
-    console.print(_rows({"why the first": e.reason, **goal, "done": telling.deed(e), "came": telling.aftermath(e)}))
+    console.print(_rows({**why, **goal, "done": telling.deed(e), "came": telling.aftermath(e)}))
 
 
 def _rows(values: dict[str, str]) -> Table:

@@ -90,6 +90,19 @@ def choice(e: Explanation) -> str:
     return f"best {len(e.scenarios)} of {number(e.n_scenarios)} scenarios{before}"
 
 
+def otherwise(e: Explanation) -> str:
+    """Say what the scenarios bring at best that begin with another action than the first."""
+    said = [
+        f"{scenario.actions[0]} at best {signed(scenario.predicted_return)}, {rewards(scenario.rewards)} "
+        f"(scenario {scenario.rank})"
+        for scenario in e.otherwise
+    ]
+    begun = {scenario.actions[0] for scenario in (e.scenarios[0], *e.otherwise)}
+    never = [action for action in e.deed.values if action not in begun]
+    none = f"None of the {number(e.n_scenarios)} scenarios begins with {' or '.join(never)}." if never else ""
+    return " ".join(filter(None, (f"{'; '.join(said)}." if said else "", none)))
+
+
 def place(e: Explanation) -> str:
     """Say where on the map the state lies, and how far a gain is."""
     here = f"Node {e.place.node}, which stands for {plural(e.place.states, 'state')} of play."

@@ -96,6 +96,7 @@ def _laid_open(
         n_scenarios=thought.n_scenarios,
         n_imagined=reasoner.config.short_term.scenarios or thought.n_scenarios,
         reason=reason(thought.plan),
+        otherwise=thought.otherwise(),
         goal=thought.goal(),
         deed=thought.deed(played.actions[0], policy),
         aftermath=thought.aftermath(played),
@@ -192,6 +193,11 @@ class _Thought:
             end_node=int(self.graph.node_ids[plan.end_nodes[i]]),
             progress=progress if progress >= 0 else None,
         )
+
+    def otherwise(self) -> tuple[Foresight, ...]:
+        """Tell the best scenario of each first action that is not the plan's."""
+        _, places = np.unique(self.plan.scenarios.actions[:, 0], return_index=True)
+        return tuple(self.foresight(i) for i in np.sort(places)[1:].tolist())
 
     def goal(self) -> tuple[Told, ...]:
         """Tell the goal, read from what the agent was shown."""

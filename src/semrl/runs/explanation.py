@@ -176,6 +176,8 @@ class Explanation:
     scenarios, n_scenarios, n_imagined, reason
         The best, how many were compared, how many were imagined before some models chose among them, and why the first
         one is the first.
+    otherwise
+        Of those that begin with another action than the first, the best for each such action.
     goal, deed, aftermath
         What the agent was told, what was done, what came.
     """
@@ -200,6 +202,7 @@ class Explanation:
     n_scenarios: int
     n_imagined: int
     reason: str
+    otherwise: tuple[Foresight, ...]
     goal: tuple[Told, ...]
     deed: Deed
     aftermath: Aftermath
