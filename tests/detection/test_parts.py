@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 from semrl.detection import ForegroundConfig, ForegroundDetector
-from semrl.detection.parts import LEAST_OBJECTS, MOST_COLOURS
+from semrl.detection.parts import LEAST_PIECES, MOST_COLOURS
 
 GROUND, BODY, OTHER_BODY, WHEEL, BALL = (90, 90, 90), (160, 40, 40), (40, 40, 160), (0, 0, 0), (236, 236, 236)
-FRAMES = 4 * LEAST_OBJECTS
+FRAMES = 4 * LEAST_PIECES
 
 
 def car(shown, row, column, body):
@@ -65,9 +65,29 @@ def test_the_colour_of_the_ground_is_no_part_of_anything():
     assert len(detector.detect(sign(5))) == 2
 
 
+def stripes(i, gap):
+    """A thing of three stripes with gaps, and another that comes near it now and then."""
+    shown = np.full((84, 84, 3), GROUND, np.uint8)
+    for stripe in range(3):
+        row = 20 + stripe * (1 + gap)
+        shown[row, i % 60 : i % 60 + 6] = BODY
+    row = 24 + 2 * gap if i % 4 == 0 else 60
+    shown[row, i % 60 : i % 60 + 3] = BALL
+    return shown
+
+
+@pytest.mark.parametrize(("gap", "found"), [(1, 2), (2, 4)])
+def test_stripes_with_gaps_of_one_pixel_are_one(gap, found):
+    detector = ForegroundDetector(ForegroundConfig(background_frames=FRAMES))
+    for i in range(FRAMES):
+        detector.partial_fit(stripes(i, gap))
+    for i in (FRAMES, FRAMES + 1):
+        assert len(detector.detect(stripes(i, gap))) == found
+
+
 def test_rare_colours_are_not_judged():
-    detector = ForegroundDetector(ForegroundConfig(background_frames=2 * LEAST_OBJECTS - 2))
-    for i in range(2 * LEAST_OBJECTS - 2):
+    detector = ForegroundDetector(ForegroundConfig(background_frames=2 * LEAST_PIECES - 2))
+    for i in range(2 * LEAST_PIECES - 2):
         detector.partial_fit(street(i, ball=(70, 40)))
     assert len(detector.detect(street(3, ball=(70, 40)))) == 6  # wheels are not rare, bodies are: nothing is joined
 

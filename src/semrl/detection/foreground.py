@@ -31,7 +31,7 @@ class ForegroundConfig:
     max_objects: int = 64
     """Most objects of a frame; the smallest are left out."""
     parts_share: float = 0.9
-    """Share of one colour's objects that must touch one of another, for what touches of the two to be one object."""
+    """Share of one colour's pieces that must touch one of another, for what touches of the two to be one object."""
 
     def __post_init__(self) -> None:
         if self.background_frames < 1 or self.max_objects < 1:
@@ -43,7 +43,7 @@ class ForegroundConfig:
 
 
 class ForegroundDetector:
-    """Objects are connected pixels of one colour, or of several that go together, that differ from the background.
+    """Objects are connected pixels of one colour, or pieces that go together, that differ from the background.
 
     The background is the colour that a pixel has most of the time, found by majority vote (Boyer & Moore,
     "MJRTY: a fast majority vote algorithm", 1991), so what stands still is no object. Positions are means over
@@ -125,7 +125,7 @@ class ForegroundDetector:
         self._parts.from_arrays(unnest(arrays, "parts"))
 
     def _components(self, pixels: Frame) -> tuple[Places, Ints]:
-        """Return objects of one colour; of very many only the largest, since all are compared with each other."""
+        """Return pieces of one colour; of very many only the largest, since all are compared with each other."""
         places, ends = find_components(pixels, self._background, self.config.contrast)
         most = _PIECES * self.config.max_objects
         if len(ends) <= most:

@@ -1,4 +1,4 @@
-"""Things of several colours: which colours are parts of one thing, learned from what touches."""
+"""Things of several pieces: which colours are parts of one thing, learned from what touches."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,21 +11,21 @@ from semrl.types import Frame, Ints
 MOST_COLOURS = 64
 """What has other colours than the first so many stays as it is."""
 
-LEAST_OBJECTS = 25
+LEAST_PIECES = 25
 """Of a colour, to be judged by what they touch."""
 
 
 class Parts:
-    """How often objects of one colour touch one of another, and so which colours make things together.
+    """How often pieces of one colour touch one of another, or of the same, and so which colours make things together.
 
-    Of two colours one is part of the other's things if nearly all of its objects touch one of the other: wheels and
+    Of two colours one is part of the other's things if nearly all of its pieces touch one of the other: wheels and
     a car. A ball and a paddle meet now and then, which makes them no one thing. The colour of the ground is no part
-    of anything: there it shows through.
+    of anything: there it shows through. Pieces touch that have no more than one pixel between them.
 
     Parameters
     ----------
     share
-        Share of one colour's objects that must touch one of the other.
+        Share of one colour's pieces that must touch one of the other.
 
     Attributes
     ----------
@@ -36,34 +36,33 @@ class Parts:
     def __init__(self, share: float) -> None:
         self.share = share
         self.colours_: Frame = np.zeros((0, 0), np.uint8)
-        self._objects = np.zeros(0, np.int64)  # (k,) of each colour
+        self._pieces = np.zeros(0, np.int64)  # (k,) of each colour
         self._touches = np.zeros((0, 0), np.int64)  # (k, k) those of one colour that touch one of another
         self._together: NDArray[np.bool_] = np.zeros((0, 0), np.bool_)
 
     def learn(self, frame: Frame, places: Places, ends: Ints) -> None:
-        """Count what touches among the objects of one frame, as `find_components` tells of them."""
+        """Count what touches among the pieces of one frame, as `find_components` tells of them."""
         height, width, channels = frame.shape
         first = places[np.append(0, ends[:-1])] if len(ends) else places
         shown = np.concatenate([self.colours_.reshape(-1, channels), frame.reshape(-1, channels)[first]])
         _, order = np.unique(shown, axis=0, return_index=True)
         self.colours_ = shown[np.sort(order)][:MOST_COLOURS]
-        more = len(self.colours_) - len(self._objects)
-        self._objects, self._touches = np.pad(self._objects, (0, more)), np.pad(self._touches, (0, more))
+        more = len(self.colours_) - len(self._pieces)
+        self._pieces, self._touches = np.pad(self._pieces, (0, more)), np.pad(self._touches, (0, more))
         colours = colours_of(frame, places, ends, self.colours_)
         touch = touching(places, ends, height, width)
         for i in np.flatnonzero(colours >= 0):
-            self._objects[colours[i]] += 1
+            self._pieces[colours[i]] += 1
             met = colours[touch[i]]
             self._touches[colours[i], np.unique(met[met >= 0])] += 1
 
     def settle(self, background: Frame) -> None:
         """Decide which colours go together, given what is behind everything, ``(height, width, channels)``."""
         ground, area = np.unique(background.reshape(-1, background.shape[2]), axis=0, return_counts=True)
-        counts = np.where((self.colours_ == ground[area.argmax()]).all(axis=1), 0, self._objects)
-        enough = counts >= LEAST_OBJECTS
-        shares = self._touches / np.maximum(self._objects, 1)[:, None]
+        counts = np.where((self.colours_ == ground[area.argmax()]).all(axis=1), 0, self._pieces)
+        enough = counts >= LEAST_PIECES
+        shares = self._touches / np.maximum(self._pieces, 1)[:, None]
         together = (np.maximum(shares, shares.T) >= self.share) & enough[:, None] & enough[None]
-        np.fill_diagonal(together, val=False)
         self._together = together
 
     def joined(self, frame: Frame, places: Places, ends: Ints) -> tuple[Places, Ints]:
@@ -80,7 +79,7 @@ class Parts:
         """Return what was counted and decided."""
         return {
             "colours": self.colours_.copy(),
-            "objects": self._objects.copy(),
+            "pieces": self._pieces.copy(),
             "touches": self._touches.copy(),
             "together": self._together.copy(),
         }
@@ -88,5 +87,5 @@ class Parts:
     def from_arrays(self, arrays: Arrays) -> None:
         """Go on where `to_arrays` was called."""
         self.colours_ = arrays["colours"].copy()
-        self._objects, self._touches = arrays["objects"].copy(), arrays["touches"].copy()
+        self._pieces, self._touches = arrays["pieces"].copy(), arrays["touches"].copy()
         self._together = arrays["together"].copy()

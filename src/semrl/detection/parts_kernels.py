@@ -27,23 +27,27 @@ def colours_of(frame: Frame, places: Places, ends: Ints, known: Frame) -> Ints:
     return colours
 
 
+REACH_PX = 2
+"""Pixels touch that are no farther apart, in rows and columns: stripes of one thing may have gaps of one pixel."""
+
+
 @compiled
 def touching(places: Places, ends: Ints, height: int, width: int) -> NDArray[np.bool_]:
-    """Return which objects have pixels side by side (8 neighbours), ``(n, n)``, symmetric."""
+    """Return which objects have pixels that touch, ``(n, n)``, symmetric."""
     n = len(ends)
-    whose = np.full((height + 2, width + 2), -1, np.int32)
+    whose = np.full((height + 2 * REACH_PX, width + 2 * REACH_PX), -1, np.int32)
     start = 0
     for i in range(n):
         for place in places[start : ends[i]]:
-            whose[place // width + 1, place % width + 1] = i
+            whose[place // width + REACH_PX, place % width + REACH_PX] = i
         start = ends[i]
     touch = np.zeros((n, n), np.bool_)
     start = 0
     for i in range(n):
         for place in places[start : ends[i]]:
-            r, c = place // width + 1, place % width + 1
-            for y in range(r - 1, r + 2):
-                for x in range(c - 1, c + 2):
+            r, c = place // width + REACH_PX, place % width + REACH_PX
+            for y in range(r - REACH_PX, r + REACH_PX + 1):
+                for x in range(c - REACH_PX, c + REACH_PX + 1):
                     if whose[y, x] > i:
                         touch[i, whose[y, x]] = True
                         touch[whose[y, x], i] = True
