@@ -133,13 +133,15 @@ class Reasoner:
         """What the newest plan of this episode would do now; None where there is none."""
         return int(self._proposed[0]) if len(self._proposed) else None
 
-    def plan(self, moment: Moment, *, curious: bool = False) -> Plan | None:
-        """Plan from a moment, to learn or to win; None before anything was learned."""
+    def plan(self, moment: Moment, *, curious: bool = False, first: int | None = None) -> Plan | None:
+        """Plan from a moment, to learn or to win, perhaps with a given first action; None while nothing is learned."""
         if not self.world.is_fitted:
             return None
         sequences = action_sequences(
             self.n_actions, self.config.short_term, number=moment.number, proposed=moment.proposed
         )
+        if first is not None:
+            sequences = np.column_stack([np.full(len(sequences), first), sequences[:, 1:]])
         scenarios = self.world.imagine(moment, sequences)
         state, previous = moment.window(2)
         before_last = scenarios.states[:, -2] if sequences.shape[1] > 1 else state[None]

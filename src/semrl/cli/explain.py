@@ -92,7 +92,7 @@ def _show(e: Explanation) -> None:
     console.print()
     console.print(_scenarios(e))
     console.print()
-    why = {"why the first": e.reason, "why no other": telling.otherwise(e)}
+    why = {"why the first": e.reason} | ({"what else": telling.otherwise(e)} if e.otherwise else {})
     goal = {f"told: {part.part}": telling.told(part) for part in e.goal}
     console.print(_rows({**why, **goal, "done": telling.deed(e), "came": telling.aftermath(e)}))
 

@@ -91,16 +91,12 @@ def choice(e: Explanation) -> str:
 
 
 def otherwise(e: Explanation) -> str:
-    """Say what the scenarios bring at best that begin with another action than the first."""
+    """Say what it would bring at best to begin with another action."""
     said = [
-        f"{scenario.actions[0]} at best {signed(scenario.predicted_return)}, {rewards(scenario.rewards)} "
-        f"(scenario {scenario.rank})"
+        f"{scenario.actions[0]} now brings {signed(scenario.predicted_return)} at best, {rewards(scenario.rewards)}"
         for scenario in e.otherwise
     ]
-    begun = {scenario.actions[0] for scenario in (e.scenarios[0], *e.otherwise)}
-    never = [action for action in e.deed.values if action not in begun]
-    none = f"None of the {number(e.n_scenarios)} scenarios begins with {' or '.join(never)}." if never else ""
-    return " ".join(filter(None, (f"{'; '.join(said)}." if said else "", none)))
+    return f"{'; '.join(said)}."
 
 
 def place(e: Explanation) -> str:

@@ -20,6 +20,7 @@ from semrl.runs.player import Player, Policy, Step, load_player
 from semrl.runs.rules import unit_of
 from semrl.runs.session import limited_threads
 from semrl.runs.sight import Sight, look_again
+from semrl.types import Plan
 
 SCENARIOS_SHOWN = 5
 
@@ -92,7 +93,7 @@ def _laid_open(
         place=thought.place(),
         path=thought.path(),
         cutoff=reasoner.config.long_term.cutoff,
-        scenarios=tuple(thought.foresight(i) for i in range(thought.n_scenarios)[:SCENARIOS_SHOWN]),
+        scenarios=thought.scenarios(),
         n_scenarios=thought.n_scenarios,
         n_imagined=reasoner.config.short_term.scenarios or thought.n_scenarios,
         reason=reason(thought.plan),
@@ -181,9 +182,20 @@ class _Thought:
             for i in edges_along(graph, self.plan.path, config).tolist()
         )
 
-    def foresight(self, i: int) -> Foresight:
-        """Tell the i-th best scenario."""
-        plan, progress = self.plan, int(self.plan.progress[i])
+    def scenarios(self) -> tuple[Foresight, ...]:
+        """Tell the best scenarios, of equal ones the first."""
+        _, different = np.unique(self.plan.scenarios.actions, axis=0, return_index=True)
+        return tuple(self._foresight(self.plan, i) for i in np.sort(different)[:SCENARIOS_SHOWN].tolist())
+
+    def otherwise(self) -> tuple[Foresight, ...]:
+        """Tell for each other action the best scenario that begins with it."""
+        others = (action for action in range(len(self.action_names)) if action != self.plan.actions[0])
+        plans = (self.reasoner.plan(self.moment, first=action) for action in others)
+        return tuple(self._foresight(plan, 0) for plan in plans if plan)
+
+    def _foresight(self, plan: Plan, i: int) -> Foresight:
+        """Tell the i-th best scenario of a plan."""
+        progress = int(plan.progress[i])
         return Foresight(
             rank=i + 1,
             actions=self._names(plan.scenarios.actions[i]),
@@ -193,11 +205,6 @@ class _Thought:
             end_node=int(self.graph.node_ids[plan.end_nodes[i]]),
             progress=progress if progress >= 0 else None,
         )
-
-    def otherwise(self) -> tuple[Foresight, ...]:
-        """Tell the best scenario of each first action that is not the plan's."""
-        _, places = np.unique(self.plan.scenarios.actions[:, 0], return_index=True)
-        return tuple(self.foresight(i) for i in np.sort(places)[1:].tolist())
 
     def goal(self) -> tuple[Told, ...]:
         """Tell the goal, read from what the agent was shown."""

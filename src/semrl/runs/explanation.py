@@ -174,10 +174,10 @@ class Explanation:
     place, path, cutoff
         Where on the map, the way to the nearest gain with the rewarding edge last, and the highest cost of one.
     scenarios, n_scenarios, n_imagined, reason
-        The best, how many were compared, how many were imagined before some models chose among them, and why the first
-        one is the first.
+        The best, of equal ones the first, how many were compared, how many were imagined before some models chose among
+        them, and why the first one is the first.
     otherwise
-        Of those that begin with another action than the first, the best for each such action.
+        For each action that the first does not begin with: the best that was found when only it could begin.
     goal, deed, aftermath
         What the agent was told, what was done, what came.
     """
