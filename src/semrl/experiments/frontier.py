@@ -183,7 +183,7 @@ def _numbers() -> tuple[Number, ...]:
 TINY = {
     "env": "semrl/Catch-v0",
     "pipeline": {"foreground": {"background_frames": 20}, "roles": {"frames": 30}},
-    "stability": {"batches": 5, "max_batches": 20},
+    "stability": {"batches": 5, "max_batches": 20, "decisions": 60},
     "agent": {"network": {"hidden_units": [8]}, "batch_size": 8, "initial_buffer": 20, "decisions_per_update": 10},
     "reasoning": {
         "short_term": {"depth": 4, "scenarios": 6},
