@@ -64,7 +64,7 @@ class Found:
     Attributes
     ----------
     kinds
-        ``(n,)``: the class of what is followed, or its slot.
+        ``(n,)``: the class of what is followed, or its role.
     centres
         ``(n, 2)``: x and y in pixels of the frame.
     """

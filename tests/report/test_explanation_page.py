@@ -52,6 +52,14 @@ def test_everything_is_on_the_page(told, tmp_path):
     assert len(page.ids) == len(set(page.ids))
 
 
+def test_of_many_other_actions_the_best_are_told(told):
+    (other,) = told.otherwise
+    many = tuple(replace(other, actions=(f"A{i}",), rewards=(0.0,), predicted_return=float(i)) for i in range(5))
+    said = telling.otherwise(replace(told, otherwise=many))
+    assert said.startswith("A4 now brings +4 at best, no reward; A3") and "A2" in said and "A1" not in said
+    assert said.endswith("none of the other 2 brings more.")
+
+
 def test_nothing_is_fetched(told):
     text = render_explanation(told)
     assert all(address.startswith(("data:", "#")) for address in Wellformed(text).fetched)

@@ -9,6 +9,7 @@ from semrl.report.wording import number
 from semrl.runs.explanation import Explanation, Foresight, Hop, Told
 
 _HOPS_SHOWN = 8
+_OTHERS_SHOWN = 3
 
 
 def runs_of(actions: Iterable[str]) -> list[tuple[str, int]]:
@@ -91,11 +92,14 @@ def choice(e: Explanation) -> str:
 
 
 def otherwise(e: Explanation) -> str:
-    """Say what it would bring at best to begin with another action."""
+    """Say what it would bring at best to begin with another action; of many, the best few."""
+    best = sorted(e.otherwise, key=lambda scenario: -scenario.predicted_return)
     said = [
         f"{scenario.actions[0]} now brings {signed(scenario.predicted_return)} at best, {rewards(scenario.rewards)}"
-        for scenario in e.otherwise
+        for scenario in best[:_OTHERS_SHOWN]
     ]
+    if len(best) > len(said):
+        said.append(f"none of the other {number(len(best) - len(said))} brings more")
     return f"{'; '.join(said)}."
 
 

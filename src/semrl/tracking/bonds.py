@@ -23,7 +23,8 @@ MOST_TOGETHER = 0.05
 class Bonds:
     """For each pair of roles, how steady the offset of the two is.
 
-    A detector that goes by colour sees a car of three colours as three objects. To be told of one is enough.
+    What does not touch, or not always, is several objects to a detector, though it may be one thing. To be told of one
+    is enough.
     """
 
     def __init__(self) -> None:
