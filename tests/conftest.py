@@ -24,6 +24,7 @@ SETTINGS: dict[str, Any] = {
     "pipeline.foreground.background_frames": 12,
     "pipeline.roles.frames": 30,
     "stability.batches": 4,
+    "stability.decisions": 0,
     "stability.max_batches": 12,
     "stability.max_difference": 0.0,  # never reached: PCA and Birch take 12 batches each
     "stability.min_agreement": 1.0,
