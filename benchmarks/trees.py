@@ -22,11 +22,10 @@ from rich.console import Console
 from rich.table import Table
 from sklearn.tree import DecisionTreeRegressor
 
-from semrl.arrays import unnest
 from semrl.errors import UsageError
 from semrl.ontology import TreeWorld
 from semrl.ontology.cart import bins_of, grow_tree
-from semrl.runs import RunFolder
+from semrl.runs.player import load_player
 from semrl.runs.session import limited_threads
 from semrl.types import Floats
 
@@ -67,14 +66,9 @@ def main(arguments: Arguments) -> None:
 
 def remembered(run: Path) -> tuple[TreeWorld, Floats, NDArray[np.float64]]:
     """Return the world model of a run, and what its trees learn from."""
-    folder = RunFolder.open(run)
-    config = folder.config().reasoning
-    checkpoint = folder.load(("reasoner/world/",))
-    arrays = unnest(checkpoint.arrays, "reasoner/world") if checkpoint else {}
-    if "experience/states" not in arrays or config.world != "trees":
+    world = load_player(run, memory=True).require_foresight(run).world
+    if not isinstance(world, TreeWorld):
         raise UsageError(f"{run} remembers nothing that trees learn from")
-    world = TreeWorld(config.trees, arrays["experience/states"].shape[1], discount=config.discount)
-    world.from_arrays(arrays)
     return world, *world.lessons(world.experience, np.random.default_rng(0))
 
 
