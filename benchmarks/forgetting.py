@@ -48,7 +48,7 @@ def main(arguments: Arguments) -> None:
         shares = ("" if losses is None else f"{losses:.2f}" for losses, _ in span["foreseen"].values())
         table.add_row(f"{span['from'] / 1000:.0f}–{span['to'] / 1000:.0f}", str(span["losses"]), *shares)
     console = Console()
-    console.print("Thousands of decisions; share of the losses that the forest grown then foresees.", highlight=False)
+    console.print("Thousands of decisions; share of the losses that the forests grown then foresee.", highlight=False)
     console.print(table)
 
 
@@ -56,7 +56,7 @@ def asked(run: Path, count: int) -> list[dict[str, Any]]:
     """Return what each forest foresees of each part of the memory, the oldest first."""
     world, rows, wanted = remembered(run)
     told, came = np.rint(world.forests(rows)[:, :, -2]), wanted[:, -2]
-    order = np.argsort(world.grown_)
+    grown = {int(n): world.grown_ == n for n in np.unique(world.grown_)}
     places = np.linspace(0, len(rows), count + 1).astype(int)
     oldest, newest = world.seen_ - len(world.experience), world.seen_
     times = np.linspace(oldest, newest, count + 1).astype(int).tolist()
@@ -67,7 +67,7 @@ def asked(run: Path, count: int) -> list[dict[str, Any]]:
             "losses": int((came[part] == -1).sum()),
             "gains": int((came[part] == 1).sum()),
             "foreseen": {
-                int(world.grown_[m]): [_share(told[m, part], came[part], sign) for sign in (-1, 1)] for m in order
+                n: [_share(told[forests, part], came[part], sign) for sign in (-1, 1)] for n, forests in grown.items()
             },
         }
         for i, part in enumerate(map(slice, places[:-1], places[1:]))
@@ -75,9 +75,9 @@ def asked(run: Path, count: int) -> list[dict[str, Any]]:
 
 
 def _share(told: NDArray[np.float64], came: NDArray[np.float64], sign: int) -> float | None:
-    """Return how many of the rewards of a sign were told; None of none."""
+    """Return the share of the rewards of a sign, of ``(n,)`` that came, that some forests told, ``(f, n)``."""
     meant = came == sign
-    return float((told[meant] == sign).mean()) if meant.any() else None
+    return float((told[:, meant] == sign).mean()) if meant.any() else None
 
 
 if __name__ == "__main__":
