@@ -1,7 +1,7 @@
 """What the forests of a world model (§3.4.3) forgot: which losses and gains of a run's memory each of them foresees.
 
 Each forest was grown at another time, from what was remembered then. Of the memory as it is now the part that came
-later is new to it. Where much was won before, a forest may have learned from hardly any loss. One decision ahead;
+later is new to it. Where much was won before, a forest may have learned from few losses. One decision ahead;
 where a run remembers more than trees are shown at once, an even draw of it.
 
     python benchmarks/forgetting.py RUN [--spans N] [--json]
