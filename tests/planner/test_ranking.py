@@ -8,13 +8,13 @@ from semrl.types import MapGraph, Scenarios
 
 
 class LineMap:
-    """Nodes at whole numbers on a line, edges between neighbours to the right, a gain behind the last one."""
+    """Nodes at whole numbers on a line, edges between neighbours to the right, a reward behind the last one."""
 
-    def __init__(self, length=5, gain=True):
+    def __init__(self, length=5, reward=1.0):
         ends = [(i, i + 1) for i in range(length - 1)] + [(length - 1, length - 1)] * bool(length)
         m = len(ends)
         rewards = np.zeros(m)
-        rewards[-1:] = gain
+        rewards[-1:] = reward
         self.graph_ = MapGraph(
             node_ids=np.arange(length) * 2,
             node_means=np.arange(length, dtype=np.float64)[:, None],
@@ -157,10 +157,17 @@ def test_on_an_empty_map_only_the_reward_counts():
 
 
 def test_without_a_path_a_scenario_that_ends_near_a_centroid_is_better():
-    plan = ranked([1.4, 3.1, 0.2, 2.0], line=LineMap(gain=False))
-    assert order(plan) == [3, 1, 2, 0]
+    plan = ranked([1.4, 3.1, 0.2, 2.0], line=LineMap(reward=-1.0))
+    assert order(plan) == [3, 1, 2, 0] and not plan.seeks_novelty
     assert (plan.node, plan.path.tolist()) == (0, []) and plan.progress.tolist() == [-1] * 4
     assert plan.end_nodes.tolist() == [2, 3, 0, 1]
+
+
+def test_before_the_first_reward_the_scenario_that_ends_farthest_from_all_nodes_is_best():
+    plan = ranked([1.4, 3.1, 0.2, 2.0, 7.0], line=LineMap(reward=0.0))
+    assert order(plan) == [4, 0, 2, 1, 3] and plan.seeks_novelty
+    foreseen = ranked([1.4, 3.1, 7.0], [[0], [1], [0]], line=LineMap(reward=0.0))
+    assert order(foreseen) == [1, 2, 0]  # the forests may have met one since the map was drawn
 
 
 def test_doubt_counts_against_a_scenario_as_much_as_asked():

@@ -7,7 +7,7 @@ from semrl.planner import reason
 from semrl.types import Plan, Scenarios
 
 
-def a_plan(returns, progress, ends, *, rewards=None, path=7):
+def a_plan(returns, progress, ends, *, rewards=None, path=7, **more):
     """A plan whose scenarios are in order already."""
     n = len(returns)
     rewards = np.array(rewards or [[int(value), 0] for value in returns])
@@ -19,6 +19,7 @@ def a_plan(returns, progress, ends, *, rewards=None, path=7):
         returns=np.array(returns, np.float64),
         end_nodes=np.zeros(n, np.int64),
         progress=np.array(progress),
+        **more,
     )
 
 
@@ -43,6 +44,10 @@ def a_plan(returns, progress, ends, *, rewards=None, path=7):
         (a_plan([0, 0, 0], [2, 2, -1], [0, 1, 2]), "closest to the centre of the furthest node reached (node 3 of 7)."),
         (a_plan([0, 0, 0], [-1, -1, -1], [0, 1, 2]), "closest to the end of the path, on which none of these ends."),
         (a_plan([0, 0], [-1, -1], [0, 1], path=0), "closest to the centre of a node (no way to a gain is known)."),
+        (
+            a_plan([0, 0], [-1, -1], [0, 1], path=0, seeks_novelty=True),
+            "farthest from all that is known (no reward was met yet).",
+        ),
         (a_plan([0, 0, 0], [2, 2, 2], [5, 5, 6]), ", the first of 2 that end in the same state."),
         (a_plan([0, 0], [2, 2], [5, 5]), "All 2 scenarios predict the same, so the first one is taken."),
     ],

@@ -3,7 +3,6 @@
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semrl.planner.long_term import Routes
 from semrl.types import Floats, Ints, MapGraph, Plan, Scenarios
@@ -36,7 +35,8 @@ def rank(
 ) -> Plan:
     """Sort scenarios by return, then progress along the path, then closeness to the node reached (§3.4.4).
 
-    The return is what is predicted, and what is expected beyond, less what is doubtful about it.
+    The return is what is predicted, and what is expected beyond, less what is doubtful about it. While no reward was
+    ever met, the scenario that ends farthest from all that is known comes first, in place of the closest (D81).
 
     Parameters
     ----------
@@ -64,18 +64,32 @@ def rank(
     if scenarios.doubts is not None:
         returns -= caution * scenarios.doubts
     if not len(graph):
-        nowhere = np.full(len(scenarios), -1)
-        order = np.argsort(-returns, kind="stable")
-        empty = np.zeros(0, np.int64)
-        return _plan(scenarios, order, returns, node=-1, path=empty, end_nodes=nowhere, progress=nowhere)
+        order, nowhere = np.argsort(-returns, kind="stable"), np.full(len(scenarios), -1)
+        return Plan(
+            node=-1,
+            path=np.zeros(0, np.int64),
+            scenarios=_take(scenarios, order),
+            returns=returns[order],
+            end_nodes=nowhere,
+            progress=nowhere,
+        )
     nodes = state_map.locate(np.concatenate([start, ends]))
     node, end_nodes = int(nodes[0]), nodes[1:]
     path = routes.path(node)
     progress = _progress(path, end_nodes)
     reached = np.where(progress == OFF_PATH, path[-1] if len(path) else end_nodes, end_nodes)
     gaps = np.linalg.norm(ends - graph.node_means[reached], axis=1)  # (s,)
-    order = np.lexsort((gaps, -progress, -returns))
-    return _plan(scenarios, order, returns, node=node, path=path, end_nodes=end_nodes, progress=progress)
+    novelty = not graph.rewards.any()
+    order = np.lexsort((-gaps if novelty else gaps, -progress, -returns))
+    return Plan(
+        node=node,
+        path=path,
+        scenarios=_take(scenarios, order),
+        returns=returns[order],
+        end_nodes=end_nodes[order],
+        progress=progress[order],
+        seeks_novelty=novelty,
+    )
 
 
 def _progress(path: Ints, nodes: Ints) -> Ints:
@@ -86,29 +100,12 @@ def _progress(path: Ints, nodes: Ints) -> Ints:
     return np.where(matches.any(axis=1), matches.argmax(axis=1), OFF_PATH)
 
 
-def _plan(
-    scenarios: Scenarios,
-    order: Ints,
-    returns: NDArray[np.float64],
-    *,
-    node: int,
-    path: Ints,
-    end_nodes: Ints,
-    progress: Ints,
-) -> Plan:
-    """Put everything in order, the best first."""
-    best_first = Scenarios(
+def _take(scenarios: Scenarios, order: Ints) -> Scenarios:
+    """Return the same scenarios in another order."""
+    return Scenarios(
         actions=scenarios.actions[order],
         states=scenarios.states[order],
         rewards=scenarios.rewards[order],
         values=scenarios.values[order],
         doubts=None if scenarios.doubts is None else scenarios.doubts[order],
-    )
-    return Plan(
-        node=node,
-        path=path,
-        scenarios=best_first,
-        returns=returns[order],
-        end_nodes=end_nodes[order],
-        progress=progress[order],
     )

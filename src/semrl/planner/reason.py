@@ -46,6 +46,8 @@ def _by_progress(plan: Plan) -> str:
 
 
 def _by_closeness(plan: Plan) -> str:
+    if plan.seeks_novelty:
+        return "ends farthest from all that is known (no reward was met yet)"
     if not len(plan.path):
         return "ends closest to the centre of a node (no way to a gain is known)"
     if plan.progress[0] == OFF_PATH:

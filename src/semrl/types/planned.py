@@ -200,6 +200,9 @@ class Plan:
         ``(s,)`` int64, position of the node each ends in, or −1 where there is no map yet.
     progress
         ``(s,)`` int64, how far along the path that node lies, or −1 off the path.
+    seeks_novelty
+        Whether no reward was ever met, so that scenarios with the same return were sorted by how far from all that is
+        known they end.
     """
 
     node: int
@@ -208,6 +211,7 @@ class Plan:
     returns: NDArray[np.float64]
     end_nodes: Ints
     progress: Ints
+    seeks_novelty: bool = False
 
     @property
     def actions(self) -> Ints:
