@@ -10,6 +10,7 @@ import pytest
 EXAMPLES = Path(__file__).parents[1] / "examples"
 CATCH = ["--env", "semrl/Catch-v0"]
 RUNS = {
+    "actor_critic": ([*CATCH, "--decisions", "200"], "a game brought"),
     "classify": (["--batches", "20"], "kinds"),
     "detect": (["--decisions", "55"], "objects brighter than"),
     "embed": (["--batches", "20", "--decisions", "3"], "cosine similarity"),
