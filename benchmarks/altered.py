@@ -9,6 +9,7 @@ the new world.
 import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,9 @@ FARTHEST = 8
 
 LAST_PLACE = 196
 
+LONGEST = 16_000
+"""Decisions of a game: after 65,212 frames the cartridge ends it and sets its score back, which counts as points."""
+
 WORLDS = {"as trained": 1.0, "frozen": 0.0, "slowed": 0.5, "faster": 1.5}
 """How far the enemy goes in place of each step of its own."""
 
@@ -68,7 +72,7 @@ class Score:
     min: float
     max: float
     decisions: float
-    """Mean length of a game: against an enemy that misses nothing every point is lost, and length is what is left."""
+    """Mean length of a game, 16,000 at most: of games that nobody wins, how slowly they are lost."""
 
 
 class AlteredEnemy(gym.Wrapper[Any, Any, Any, Any]):
@@ -152,7 +156,8 @@ def _games(player: Player, pace: float, policy: Policy, episodes: int) -> list[t
     for episode in range(episodes):
         rng = np.random.default_rng([EVALUATION_SEED, 0, episode])
         decisions = 0
-        for step in player.play(altered_game(player, pace, int(rng.integers(2**31))), rng, policy):
+        steps = player.play(altered_game(player, pace, int(rng.integers(2**31))), rng, policy)
+        for step in islice(steps, LONGEST + 1):
             total = step.total
             decisions += step.action is not None
         games.append((total, decisions))
