@@ -6,7 +6,6 @@ from walkers import N_CLASSES, followed
 
 from semrl.errors import UsageError
 from semrl.tracking import SLOT_NUMBERS, Roles, RolesConfig, no_tracks
-from semrl.tracking.bonds import Bonds
 from semrl.tracking.habits import Habits
 from semrl.tracking.influence import Influence
 
@@ -160,15 +159,6 @@ def test_influence_finds_late_effects_and_is_blind_to_chance():
     assert influence.shares(4)[3] == 0
 
 
-def test_parts_of_one_thing_are_told_from_things_that_pass():
-    rng, bonds = np.random.default_rng(0), Bonds()
-    for t in range(60):
-        car = np.array([40.0, t]) + rng.normal(size=2)
-        bonds.learn(np.arange(3), np.array([car, car + np.array([0, 4]), [42, 60 - t]], np.float32))
-    joined = bonds.joined(4)
-    assert joined[0, 1] and joined[1, 0] and not joined[[0, 1], 2].any() and not joined[3, :3].any()
-
-
 def test_nonsense_is_refused():
     for wrong in ({"frames": 0}, {"slots": 0}):
         with pytest.raises(UsageError):
@@ -183,6 +173,17 @@ def test_what_is_merged_is_as_if_counted_together():
     for name in ("classes", "means", "deviations", "moves"):
         np.testing.assert_allclose(getattr(apart, name)[0], getattr(together, name)[0], rtol=1e-4, err_msg=name)
     assert apart.seen[1] == 0 and (apart.moves[1] == 0).all()
+
+
+def test_roles_take_turns_that_are_hardly_ever_seen_at_once():
+    habits = Habits()
+    for _ in range(3):
+        habits.found()
+    for t in range(100):
+        roles = np.array([t % 2, 2]) if t else np.arange(3)  # the first two once, for a moment, together
+        (tracks,) = followed([[(0, 10.0 * role, 10.0) for role in range(len(roles))]])
+        habits.count(tracks, np.arange(len(roles)), roles, moved=np.zeros(len(roles), bool))
+    assert habits.take_turns(0, 1) and habits.take_turns(1, 0) and not habits.take_turns(0, 2)
 
 
 def _counted(places, roles):

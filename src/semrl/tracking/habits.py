@@ -1,4 +1,4 @@
-"""What is known of each role: the classes seen in it, where it stays, how often it moves."""
+"""What is known of each role: the classes seen in it, where it stays, how often it moves, beside whom it is seen."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ from semrl.types import Floats, Ints, Tracks
 NEVER = 1e6
 """What it costs to give a track a role that it cannot have."""
 
-_NAMES = ("classes", "means", "deviations", "moves")
+_NAMES = ("classes", "means", "deviations", "moves", "together")
 _WIDTH_PX, _WIDTH_COUNT = 20.0, 30
 """Before a role was seen much it is believed to stay within such a deviation, as if seen so many times."""
 
@@ -21,6 +21,9 @@ STEADY_DECISIONS = 5
 
 LEAST_MOVING_SHARE = 0.1
 """Share of the decisions at which it must have moved then, else it is scenery."""
+
+MOST_TOGETHER = 0.05
+"""Share of the frames with the rarer of two roles, up to which the other is seen in them too if they take turns."""
 
 # In nats. Who has a role and is seen keeps it in doubt, whatever it looks like just now; who has it and is not seen
 # gives it up more easily. A newcomer must look and move alike; its place decides between several.
@@ -62,6 +65,8 @@ class Habits:
         ``(r, 2)`` float64, sums of squared deviations from these.
     moves
         ``(r, 2)`` float64, decisions at which it moved, and at which it could have.
+    together
+        ``(r, r)`` float64, frames in which each two were seen; on the diagonal, each.
     """
 
     def __init__(self) -> None:
@@ -69,6 +74,7 @@ class Habits:
         self.means: NDArray[np.float64] = np.zeros((0, 2))
         self.deviations: NDArray[np.float64] = np.zeros((0, 2))
         self.moves: NDArray[np.float64] = np.zeros((0, 2))
+        self.together: NDArray[np.float64] = np.zeros((0, 0))
 
     def __len__(self) -> int:
         return len(self.means)
@@ -88,6 +94,7 @@ class Habits:
         wider = ((0, 1), (0, 0))
         self.classes, self.means = np.pad(self.classes, wider), np.pad(self.means, wider)
         self.deviations, self.moves = np.pad(self.deviations, wider), np.pad(self.moves, wider)
+        self.together = np.pad(self.together, ((0, 1), (0, 1)))
 
     def count(self, tracks: Tracks, shown: Ints, roles: Ints, moved: NDArray[np.bool_]) -> None:
         """Count one frame.
@@ -110,6 +117,12 @@ class Habits:
         self.means[roles] += away / self.seen[roles, None]
         self.deviations[roles] += away * (tracks.centres_px[shown] - self.means[roles])
         self.moves[roles] += np.column_stack([moved, tracks.ages[shown] > 0])
+        self.together[np.ix_(roles, roles)] += 1
+
+    def take_turns(self, role: int, other: int) -> bool:
+        """Tell whether two roles are hardly ever seen at once."""
+        rarer = self.together[[role, other], [role, other]].min()
+        return bool(self.together[role, other] <= MOST_TOGETHER * rarer)
 
     def merge(self, role: int, other: int) -> None:
         """Let one role have all that was counted of another, which is left with nothing."""

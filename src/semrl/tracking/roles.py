@@ -10,7 +10,6 @@ from scipy.optimize import linear_sum_assignment
 from semrl.arrays import Arrays, nest, unnest
 from semrl.errors import DataError, UsageError
 from semrl.kernels import compiled
-from semrl.tracking.bonds import Bonds
 from semrl.tracking.following import MOVED_PX
 from semrl.tracking.habits import LEAST_MOVING_SHARE, NEVER, STEADY_DECISIONS, Habits, costs
 from semrl.tracking.influence import Influence
@@ -77,7 +76,6 @@ class Roles:
         self.slots_: Ints = np.zeros(0, np.int64)
         self._habits = Habits()
         self._influence = Influence()
-        self._bonds = Bonds()
         self._know()
 
     @property
@@ -155,7 +153,6 @@ class Roles:
         self._habits.count(tracks, shown, roles[shown], moved=np.hypot(*steps.T) > MOVED_PX)
         old = tracks.ages[shown] > 0
         self._influence.learn(action, roles[shown[old]], steps[old])
-        self._bonds.learn(roles[shown], tracks.centres_px[shown])
         if self.is_fitted:
             self._merge()
             self.slots_ = self._give_slots()
@@ -209,7 +206,6 @@ class Roles:
             **nest(
                 habits=self._habits.to_arrays(),
                 influence=self._influence.to_arrays(),
-                bonds=self._bonds.to_arrays(),
             ),
         }
 
@@ -219,7 +215,6 @@ class Roles:
         self.slots_ = arrays["slots"].copy()
         self._habits.from_arrays(unnest(arrays, "habits"))
         self._influence.from_arrays(unnest(arrays, "influence"))
-        self._bonds.from_arrays(unnest(arrays, "bonds"))
         self._know()
 
     @property
@@ -232,19 +227,14 @@ class Roles:
         for role in np.argsort(-self.seen_, kind="stable").tolist():
             for other in range(len(self._habits)):
                 alike = self._matter[[role, other]].all() and self.kinds_[role] == self.kinds_[other]
-                if role != other and alike and self._bonds.apart(role, other):
+                if role != other and alike and self._habits.take_turns(role, other):
                     self._habits.merge(role, other)
                     self._influence.merge(role, other)
 
     def _give_slots(self) -> Ints:
         """Choose the roles that move, those first that are controlled, then those seen most; order them by kind."""
-        matter = self._matter
-        joined = self._bonds.joined(len(self._habits))
-        chosen: list[int] = []
-        for role in np.lexsort((-self.seen_, ~self.controlled_)).tolist():
-            if matter[role] and not joined[role, chosen].any() and len(chosen) < self.config.slots:
-                chosen.append(role)
-        roles = np.sort(np.array(chosen, np.int64))
+        order = np.lexsort((-self.seen_, ~self.controlled_))
+        roles = np.sort(order[self._matter[order]][: self.config.slots])
         return np.asarray(roles[np.argsort(self.kinds_[roles], kind="stable")])
 
     def _know(self) -> None:
