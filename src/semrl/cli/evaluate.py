@@ -85,7 +85,8 @@ def main(argv: Sequence[str]) -> None:
         print(json_format.dumps(dataclasses.asdict(result)))
         return
     console.print(summary({
-        "mean return": f"{result.mean:.2f} ± {result.std:.2f} over {result.episodes} episodes",
+        "mean return": f"{result.mean:.2f} ± {result.std:.2f}",
+        "episodes": result.episodes,
         "from … to": f"{result.min:.0f} … {result.max:.0f}",
         "decisions each": f"{min(result.lengths):,} … {max(result.lengths):,}",
         **_rewards(result.rewards[0]),

@@ -65,7 +65,8 @@ def tell(result: TrainResult, *, as_json: bool) -> None:
     last = result.return_mean_last10
     console.print(summary({
         "run": result.run,
-        "played": f"{result.decisions:,} decisions ({result.frames:,} frames), {result.episodes} episodes of the agent",
+        "played": f"{result.decisions:,} decisions ({result.frames:,} frames)",
+        "agent's episodes": result.episodes,
         "mean return, last 10": "no episode finished" if last is None else f"{last:.1f}",
         "took": f"{result.seconds / 60:.1f} minutes",
         "next": f"semrl eval {result.run} --episodes 5   ·   semrl report {result.run}",
