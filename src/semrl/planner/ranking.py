@@ -3,6 +3,7 @@
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from semrl.planner.long_term import Routes
 from semrl.types import Floats, Ints, MapGraph, Plan, Scenarios
@@ -63,23 +64,8 @@ def rank(
     returns += discount ** len(weights) * scenarios.values
     if scenarios.doubts is not None:
         returns -= caution * scenarios.doubts
-    if not len(graph):
-        order, nowhere = np.argsort(-returns, kind="stable"), np.full(len(scenarios), -1)
-        return Plan(
-            node=-1,
-            path=np.zeros(0, np.int64),
-            scenarios=_take(scenarios, order),
-            returns=returns[order],
-            end_nodes=nowhere,
-            progress=nowhere,
-        )
-    nodes = state_map.locate(np.concatenate([start, ends]))
-    node, end_nodes = int(nodes[0]), nodes[1:]
-    path = routes.path(node)
-    progress = _progress(path, end_nodes)
-    reached = np.where(progress == OFF_PATH, path[-1] if len(path) else end_nodes, end_nodes)
-    gaps = np.linalg.norm(ends - graph.node_means[reached], axis=1)  # (s,)
-    novelty = not graph.rewards.any()
+    node, path, end_nodes, progress, gaps = _places(start, ends, state_map, routes)
+    novelty = len(graph) > 0 and not graph.rewards.any()
     order = np.lexsort((-gaps if novelty else gaps, -progress, -returns))
     return Plan(
         node=node,
@@ -90,6 +76,26 @@ def rank(
         progress=progress[order],
         seeks_novelty=novelty,
     )
+
+
+def _places(
+    start: Floats, ends: Floats, state_map: Locator, routes: Routes
+) -> tuple[int, Ints, Ints, Ints, NDArray[np.float64]]:
+    """Return the node of the start, the path from it, and of each end its node, progress and distance to what counts.
+
+    On an empty map there are none: −1, and 0 for the distance.
+    """
+    graph = state_map.graph_
+    if not len(graph):
+        nowhere = np.full(len(ends), -1)
+        return -1, np.zeros(0, np.int64), nowhere, nowhere, np.zeros(len(ends))
+    nodes = state_map.locate(np.concatenate([start, ends]))
+    node, end_nodes = int(nodes[0]), nodes[1:]
+    path = routes.path(node)
+    progress = _progress(path, end_nodes)
+    reached = np.where(progress == OFF_PATH, path[-1] if len(path) else end_nodes, end_nodes)
+    gaps = np.linalg.norm(ends - graph.node_means[reached], axis=1)  # (s,)
+    return node, path, end_nodes, progress, gaps
 
 
 def _progress(path: Ints, nodes: Ints) -> Ints:
