@@ -19,7 +19,7 @@ def main(run: Path = Path("runs/eyes"), /, env: str = "PongNoFrameskip-v4", deci
     size, n_actions = envs.single_observation_space.shape[0], envs.single_action_space.n
     network = nn.Sequential(nn.LayerNorm(size), nn.Linear(size, 128), nn.ReLU(), nn.Linear(128, n_actions + 1))
     optimiser = torch.optim.Adam(network.parameters(), 1e-3)
-    seen, brought = envs.reset(seed=0)[0], []
+    seen, brought, over = envs.reset(seed=0)[0], [], torch.zeros(envs.num_envs, dtype=torch.bool)
     for _ in range(0, decisions, 16 * envs.num_envs):
         steps = []
         for _ in range(16):
@@ -27,16 +27,17 @@ def main(run: Path = Path("runs/eyes"), /, env: str = "PongNoFrameskip-v4", deci
             policy = torch.distributions.Categorical(logits=torch.stack(logits, 1))
             action = policy.sample()
             seen, reward, ended, cut, _ = envs.step(action.numpy())
-            steps.append((value, policy, action, torch.as_tensor(reward), torch.as_tensor(ended | cut)))
+            played, over = ~over, torch.as_tensor(ended | cut)  # after an end a game begins anew, whatever is done
+            steps.append((value, policy, action, torch.as_tensor(reward), over, played))
         returns, loss = network(torch.as_tensor(seen))[:, -1].detach(), torch.zeros(())
-        for value, policy, action, reward, over in reversed(steps):
-            returns = reward.float() + 0.99 * returns * ~over
+        for value, policy, action, reward, end, played in reversed(steps):
+            returns = reward.float() + 0.99 * returns * ~end
             gain = (returns - value).detach() * policy.log_prob(action) + 0.01 * policy.entropy()
-            loss = loss + ((returns - value) ** 2 / 2 - gain).mean() / len(steps)
+            loss = loss + (((returns - value) ** 2 / 2 - gain) * played).mean() / len(steps)
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
-        brought.append(sum(float(reward.mean()) for *_, reward, _ in steps))
+        brought.append(sum(float(reward.mean()) for *_, reward, _, _ in steps))
     print(f"on {', '.join(envs.feature_names[:3])} … a game brought {sum(brought):+.0f}")
 
 

@@ -192,6 +192,7 @@ def test_images_are_left_alone():
     detector = OtsuDetector().partial_fit(image)
     detector.detect(image)
     detector.components(image)
+    np.testing.assert_array_equal(image, two_greys(0))
 
 
 def test_the_largest_object_is_a_tenth_of_the_image():

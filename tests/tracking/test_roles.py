@@ -170,9 +170,9 @@ def test_what_is_merged_is_as_if_counted_together():
     places = rng.uniform(10, 70, (60, 2))
     apart, together = (_counted(places, roles) for roles in (np.arange(60) % 3 == 0, np.zeros(60)))
     apart.merge(0, 1)
-    for name in ("classes", "means", "deviations", "moves"):
+    for name in ("classes", "means", "deviations", "moves", "together"):
         np.testing.assert_allclose(getattr(apart, name)[0], getattr(together, name)[0], rtol=1e-4, err_msg=name)
-    assert apart.seen[1] == 0 and (apart.moves[1] == 0).all()
+    assert apart.seen[1] == 0 and (apart.moves[1] == 0).all() and not apart.together[:, 1].any()
 
 
 def test_roles_take_turns_that_are_hardly_ever_seen_at_once():

@@ -130,7 +130,7 @@ class Habits:
         way = self.means[other] - self.means[role]
         self.means[role] += way * more / (seen + more)
         self.deviations[role] += self.deviations[other] + way**2 * seen * more / (seen + more)  # Chan et al. (1979)
-        for counts in (self.classes, self.moves):
+        for counts in (self.classes, self.moves, self.together, self.together.T):
             counts[role] += counts[other]
             counts[other] = 0
         self.deviations[other] = 0
