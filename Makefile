@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 RUN ?= runs/demo
-FRAMES ?= 200000
+DECISIONS ?= 50000
 export OMP_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
@@ -19,7 +19,7 @@ install: .venv/.installed  ## make .venv with everything in it
 	touch $@
 
 demo: install  ## train on Pong for a few minutes, evaluate, write a report
-	@$(BIN)/semrl train --run $(RUN) $(if $(wildcard $(RUN)),--resume,--frames $(FRAMES))
+	@$(BIN)/semrl train --run $(RUN) $(if $(wildcard $(RUN)),--resume,--decisions $(DECISIONS))
 	@$(BIN)/semrl eval $(RUN) --episodes 5 --video $(RUN)/video.mp4
 	@$(BIN)/semrl report $(RUN)
 

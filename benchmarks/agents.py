@@ -71,7 +71,7 @@ def agent_stages() -> list[Stage]:
         # One update at every decision, as soon as the buffer is filled: `observe` then times exactly one.
         config = replace(preset(name, model).agent, initial_buffer=REPLAY, replay_capacity=2 * REPLAY)
         config = replace(config, decisions_per_update=1)
-        agent = DQN(config, seen[0].shape, seen[0].dtype, n_actions=2, frame_skip=4, seed=0)
+        agent = DQN(config, seen[0].shape, seen[0].dtype, n_actions=2, seed=0)
         for i in range(REPLAY):
             remember(agent, seen[i % len(seen)])
         title = f"{kind} network, {name}"

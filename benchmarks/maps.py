@@ -145,7 +145,7 @@ def main(arguments: Arguments) -> None:
 def measure(cells: int, episodes: int) -> dict[str, float]:
     """Return sizes and median times of one map."""
     world = Torus(cells)
-    state_map = StateMap(CONFIG, DIMENSION, len(MOVES)).partial_fit(world.tour())
+    state_map = StateMap(CONFIG, DIMENSION, len(MOVES), changes=True).partial_fit(world.tour())
     times: dict[str, list[float]] = {name: [] for name in MEASURES}
     for _ in range(episodes):
         episode, seen = world.walk(EPISODE), world.see(world.rng.integers(world.shape, size=(LOOKUPS, 2)))

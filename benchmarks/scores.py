@@ -35,8 +35,8 @@ class Arguments:
     """Evaluation episodes that the planner plays alone, for models with a map."""
     preset: str = "semrl"
     """Named settings."""
-    frames: int = 400_000
-    """Budget of each run in emulator frames, four to a decision."""
+    decisions: int = 100_000
+    """Budget of each run, perception included."""
     out: Path = Path("runs/scores")
     """Folder of the runs."""
     json: bool = False
@@ -55,7 +55,7 @@ def main(arguments: Arguments) -> None:
 def score(arguments: Arguments, model: str, seed: int) -> dict[str, Any]:
     """Train and test one run as far as that was not done yet."""
     run = arguments.out / f"{model}-{seed}"
-    config = preset(arguments.preset, model, {"frames": arguments.frames, "seed": seed})
+    config = preset(arguments.preset, model, {"decisions": arguments.decisions, "seed": seed})
     result = train(run) if run.exists() else train(run, config)
     tested = kept(run / "evaluation.json", lambda: evaluate(run))
     return {

@@ -13,7 +13,7 @@ from semrl import SemanticObservation, make_env, preset, train
 def train_tiny(env: str) -> Path:
     """Train just enough of a run that its perception is ready."""
     run = Path(tempfile.mkdtemp()) / "run"
-    train(run, preset("semrl", "semantic", {"env": env, "frames": 6_000, "stability": {"batches": 50}}))
+    train(run, preset("semrl", "semantic", {"env": env, "decisions": 1_500, "stability": {"batches": 50}}))
     return run
 
 

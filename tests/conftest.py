@@ -14,7 +14,7 @@ from semrl.runs.config import write_toml
 
 SETTINGS: dict[str, Any] = {
     "env": "semrl/Catch-v0",
-    "frames": 600,
+    "decisions": 150,
     "checkpoint_seconds": 1e6,
     "pipeline.embedding": "hashed",
     "pipeline.hashed.dimension": 16,
@@ -150,7 +150,7 @@ def tracked_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished run that reasons about the tracked objects of its scenes. Read only."""
     path = tmp_path_factory.mktemp("runs") / "tracked"
     changes = {**BY_TREES, "pipeline.scene.tracked": True, "reasoning.world": "trees", "reasoning.planner_every": 2}
-    train(path, tiny("semantic-map", frames=1000, **changes))
+    train(path, tiny("semantic-map", decisions=250, **changes))
     return path
 
 
@@ -158,7 +158,7 @@ def tracked_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def ram_map_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished run on an Atari game, with a map and without perception. Read only."""
     path = tmp_path_factory.mktemp("runs") / "ram-map"
-    train(path, tiny("ram-map", frames=8000))
+    train(path, tiny("ram-map", decisions=2000))
     return path
 
 
@@ -166,7 +166,7 @@ def ram_map_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def baseline_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished run without perception. Read only."""
     path = tmp_path_factory.mktemp("runs") / "baseline"
-    train(path, tiny("baseline", frames=300))
+    train(path, tiny("baseline", decisions=75))
     return path
 
 

@@ -20,7 +20,7 @@ RUNS = {
     "sb3_dqn": ([*CATCH, "--decisions", "200"], "on vectors of (256,)"),
     "scene_words": (["--batches", "20"], "pos_x"),
     "state_map": (["--episodes", "10"], "460 states on"),
-    "train_and_eval": ([*CATCH, "--model", "semantic", "--frames", "6000"], "mean return"),
+    "train_and_eval": ([*CATCH, "--model", "semantic", "--decisions", "1500"], "mean return"),
 }
 
 

@@ -100,10 +100,10 @@ def test_runs_that_did_not_learn_it_are_refused(semantic_run, baseline_run, tmp_
         UsageError, match="needs a run of one of the models semantic, semantic-map, objects, objects-map"
     ):
         SemanticObservation(env, Pipeline(PipelineConfig(embedding="hashed"), "classes"), "vector")
-    for frames in (8, 24, 40):  # stopped while looking for the threshold, in PCA, in Birch
-        train(tmp_path / f"short-{frames}", tiny(frames=frames))
-        with pytest.raises(UsageError, match="needs more frames") if frames < 40 else pytest.raises(UsageError):
-            SemanticObservation(env, tmp_path / f"short-{frames}")
+    for decisions in (2, 6, 10):  # stopped while looking for the threshold, in PCA, in Birch
+        train(tmp_path / f"short-{decisions}", tiny(decisions=decisions))
+        with pytest.raises(UsageError, match="needs more decisions") if decisions < 10 else pytest.raises(UsageError):
+            SemanticObservation(env, tmp_path / f"short-{decisions}")
 
 
 def test_an_embedding_that_was_not_trained_is_refused(semantic_run):

@@ -200,6 +200,6 @@ def _check_learned(pipeline: Pipeline, output: str) -> None:
         )
     detects = pipeline.roles.is_fitted if pipeline.follows else pipeline.detector.is_fitted
     if not (detects and pipeline.pca.is_fitted and pipeline.birch.n_leaves_):
-        raise UsageError("this perception has not learned to tell objects apart yet: the run needs more frames")
+        raise UsageError("this perception has not learned to tell objects apart yet: the run needs more decisions")
     if pipeline.view == "embedding" and output == "vector":
         pipeline.embedder.transform(build_scene_graph(np.empty(0), np.empty((0, 2)), 0.0))

@@ -121,7 +121,8 @@ class Reasoner:
         self.n_actions = n_actions
         self.goal_size = goal_size(config.goal, dimension=dimension, depth=config.short_term.depth, n_actions=n_actions)
         action_sequences(n_actions, config.short_term)  # too many are refused at once
-        self.state_map = StateMap(config.state_map, dimension * (2 if config.velocity_weight else 1), n_actions)
+        changes = config.velocity_weight > 0
+        self.state_map = StateMap(config.state_map, dimension * (2 if changes else 1), n_actions, changes=changes)
         self.axes = axes
         self.world = _make_world(config, dimension, n_actions, seed, axes)
         self.routes = plan_routes(self.state_map.graph_, config.long_term)

@@ -229,6 +229,5 @@ class Trainer:
         self._tell({"phase": stage.name, "batches": stage.batches_, **stage.measured()})
 
     def _tell(self, row: Row) -> None:
-        position = {"decisions": self.decisions_, "frames": self.decisions_ * self.agent.frame_skip}
         for observer in self.observers:
-            observer.on_row({**row, **position})
+            observer.on_row({**row, "decisions": self.decisions_})

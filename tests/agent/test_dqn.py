@@ -1,5 +1,7 @@
 """Deep Q-learning, its targets worked out by hand."""
 
+import math
+
 import numpy as np
 import pytest
 import torch
@@ -14,7 +16,7 @@ SMALL = NetworkConfig(hidden_units=(16,))
 
 def agent_with(seed=0, shape=(3,), n_actions=2, **settings):
     settings = {"network": SMALL, "replay_capacity": 200, "initial_buffer": 20, "decisions_per_update": 2, **settings}
-    return DQN(DQNConfig(**settings), shape, np.float32, n_actions, frame_skip=4, seed=seed)
+    return DQN(DQNConfig(**settings), shape, np.float32, n_actions, seed=seed)
 
 
 def live(agent, decisions, seed=0, episode=9, start=0):
@@ -35,8 +37,8 @@ def live(agent, decisions, seed=0, episode=9, start=0):
 
 def test_learning_rate_and_exploration_fall_through_the_second_half_of_the_budget():
     settings = {"network": SMALL, "learning_rate": 1e-3, "final_learning_rate": 0.1, "initial_buffer": 20}
-    settings |= {"exploration_frames": 40, "exploration_min": 0.02, "final_exploration": 0.0}
-    agent = DQN(DQNConfig(**settings), (3,), np.float32, 2, frame_skip=4, seed=0, budget=100)
+    settings |= {"exploration_decisions": 10 / math.log(50), "exploration_min": 0.02, "final_exploration": 0.0}
+    agent = DQN(DQNConfig(**settings), (3,), np.float32, 2, seed=0, budget=100)
     rates, explored = [], []
     for i in range(11):
         rates.append(agent.learning_rate)
@@ -50,7 +52,7 @@ def test_learning_rate_and_exploration_fall_through_the_second_half_of_the_budge
 
 
 def test_without_a_budget_learning_rate_and_least_exploration_stay():
-    agent = live(agent_with(final_learning_rate=0.1, final_exploration=0.0, exploration_frames=40), 40)
+    agent = live(agent_with(final_learning_rate=0.1, final_exploration=0.0, exploration_decisions=2.17), 40)
     assert agent.learning_rate == DQNConfig().learning_rate
     assert agent.exploration == pytest.approx(DQNConfig().exploration_min)
 
@@ -152,21 +154,20 @@ def test_two_step_targets_reach_the_next_network_value_after_two_rewards():
     assert (batch.next_states[:, 0, 2] == 1).all()
 
 
-def test_exploration_falls_exponentially_with_frames():
-    agent = agent_with(exploration_frames=800, initial_buffer=10**6)
-    assert agent.exploration == 1.0
-    live(agent, 100)  # 400 of 800 frames
-    assert agent.exploration == pytest.approx(np.sqrt(1.0 * 0.01))
-    live(agent, 100)
-    assert agent.exploration == pytest.approx(0.01)
-    live(agent, 100)
-    assert agent.exploration == pytest.approx(0.01)
+def test_exploration_falls_exponentially_with_decisions_down_to_its_minimum():
+    agent = agent_with(exploration_decisions=50, initial_buffer=10**6)
+    explored = []
+    for _ in range(6):
+        explored.append(agent.exploration)
+        live(agent, 50)
+    assert explored == pytest.approx([1.0, math.exp(-1), math.exp(-2), math.exp(-3), math.exp(-4), 0.01])
 
 
 def test_the_thesis_settings():
     c = DQNConfig()
-    assert (c.exploration_frames, c.exploration_max, c.exploration_min) == (30_000, 1.0, 0.01)
+    assert (c.exploration_decisions, c.exploration_max, c.exploration_min) == (30_000, 1.0, 0.01)
     assert (c.learning_rate, c.adam_beta1, c.adam_beta2) == (1e-4, 0.99, 0.999)
+    assert (c.decisions_per_update, c.target_updates) == (1, 1000)
     assert (c.batch_size, c.replay_capacity, c.initial_buffer, c.discount) == (32, 100_000, 10_000, 0.99)
 
 
@@ -254,14 +255,14 @@ def test_the_same_seed_learns_the_same():
 def test_images_are_learned_from_as_well():
     agent = DQN(
         DQNConfig(replay_capacity=50, initial_buffer=10, decisions_per_update=5, batch_size=4),
-        (84, 84), np.uint8, 2, frame_skip=4, seed=0,
+        (84, 84), np.uint8, 2, seed=0,
     )  # fmt: skip
     frames = np.random.default_rng(0).integers(256, size=(16, 84, 84), dtype=np.uint8)
     for i in range(15):
         agent.observe(frames[i], i % 2, 1.0, terminated=False, start=i == 0)
     assert agent.updates_ == 2 and np.isfinite(agent.loss_)
     saved = copied(agent.to_arrays())
-    restored = DQN(agent.config, (84, 84), np.uint8, 2, frame_skip=4, seed=5)
+    restored = DQN(agent.config, (84, 84), np.uint8, 2, seed=5)
     restored.from_arrays(saved)
     for a in (agent, restored):
         for i in range(10):

@@ -27,23 +27,22 @@ def new_run(tmp_path, tiny):
     [
         ("trian", "unknown command 'trian'; did you mean 'train'?"),
         ("--run", "unknown command '--run'; there are train, eval"),
-        ("train --frame 10", "--frame, 10; did you mean --frames?; see semrl train --help"),
+        ("train --decision 10", "--decision, 10; did you mean --decisions?; see semrl train --help"),
         ("train --agent.batchsize 3", "Unrecognized options: --agent.batchsize, 3; did you mean --agent.batch-size?"),
         ("train --flag", "Unrecognized options: --flag; see semrl train --help"),
         ("train surplus", "surplus"),
-        ("train --frames", "Missing value for argument '--frames'"),
-        ("train --frames many", "Error parsing --frames: invalid literal"),
+        ("train --decisions", "Missing value for argument '--decisions'"),
+        ("train --decisions many", "Error parsing --decisions: invalid literal"),
         ("train --seed 1.5", "--seed"),
         ("train --model", "--model"),
         ("train --model sematic", "unknown model 'sematic'; there are baseline, otsu"),
         ("train --preset best", "unknown preset 'best'; there are semrl, thesis"),
         ("train --pipeline.embedding bert", "invalid choice 'bert'"),
-        ("train --frames 3", "frames must be enough for one decision"),
-        ("train --frames 0", "frames must be enough"),
-        ("train --frames -400", "frames must be enough"),
+        ("train --decisions 0", "decisions must be 1 or more"),
+        ("train --decisions -400", "decisions must be 1 or more"),
         ("train --seed -1", "seed must lie between"),
         ("train --threads 0", "threads must lie between"),
-        ("train --frames 400 --milestones 101", "milestones are decisions, 1 to the budget's 100"),
+        ("train --decisions 100 --milestones 101", "milestones are decisions, 1 to the budget's 100"),
         ("bench --seed -1", "seed must be 0 or more"),
         ("foresee RUN --seed -1", "seed 0 or more"),
         ("train --checkpoint-seconds nan", "checkpoint_seconds must be 0 or more"),
@@ -60,12 +59,12 @@ def new_run(tmp_path, tiny):
         ("train --config RUN/none.toml", "cannot read"),
         ("train --resume", "--resume needs --run"),
         ("train --resume --run RUN", "there is no run at"),
-        ("train --resume --run RUN --seed 3 --frames=9", "keeps its settings; leave out --seed, --frames"),
+        ("train --resume --run RUN --seed 3 --decisions=9", "keeps its settings; leave out --seed, --decisions"),
         ("eval", "Missing from semrl eval"),
         ("eval RUN", "there is no run at"),
         ("eval RUN --policy human", "invalid choice 'human'"),
         ("eval RUN --policy planner", "there is no run at"),
-        ("eval RUN --frames 3", "--frames, 3"),
+        ("eval RUN --decisions 3", "--decisions, 3"),
         ("doctor now", "now"),
         ("report", "report needs the folder"),
         ("report RUN", "there is no run at"),
@@ -106,7 +105,7 @@ def test_a_run_that_exists_is_not_overwritten(call, semantic_run):
         ("config.toml", "frames = ", "is not valid TOML"),
         ("config.toml", "framse = 3", "unknown setting 'framse'"),
         ("config.toml", 'frames = "3"', "frames"),
-        ("config.toml", "frames = -3", "frames must be enough"),
+        ("config.toml", "decisions = -3", "decisions must be 1 or more"),
     ],
 )
 def test_damaged_runs_are_refused(call, new_run, command, name, content, said):  # noqa: PLR0917
@@ -122,10 +121,10 @@ def test_damaged_runs_are_refused(call, new_run, command, name, content, said): 
     ("content", "said"),
     [
         ("[agent", "is not valid TOML"),
-        ("frame = 3", "unknown setting 'frame'; did you mean 'frames'?"),
+        ("decision = 3", "unknown setting 'decision'; did you mean 'decisions'?"),
         ("[agent]\ndouble = 3", "double"),
         ('model = "ramm"', "unknown model 'ramm'"),
-        ("frames = 3", "frames must be enough"),
+        ("decisions = 0", "decisions must be 1 or more"),
     ],
 )
 def test_damaged_configurations_are_refused(call, tmp_path, content, said):
@@ -175,14 +174,14 @@ class Mark:
 @pytest.fixture(scope="module")
 def otsu_hashes(tmp_path_factory, tiny):
     path = tmp_path_factory.mktemp("runs") / "otsu"
-    train(path, tiny("otsu", frames=160))
+    train(path, tiny("otsu", decisions=40))
     return RunFolder.open(path).manifest()["hashes"]
 
 
 @pytest.mark.parametrize("spoil", [spoil_flip, spoil_cut, spoil_empty, spoil_pickle, spoil_objects])
 def test_a_damaged_checkpoint_is_refused_and_the_one_before_goes_on(call, tmp_path, tiny, otsu_hashes, spoil):
     path = tmp_path / "run"
-    stop_by_full_disk(path, tiny("otsu", frames=160, checkpoint_seconds=0.0), after=50)
+    stop_by_full_disk(path, tiny("otsu", decisions=40, checkpoint_seconds=0.0), after=50)
     before, last = RunFolder.open(path).checkpoints()
     spoil(last)
     playing = [] if spoil is spoil_flip else [["eval", path]]  # what is not needed to play is not read
@@ -273,7 +272,7 @@ def test_a_planner_without_a_map_is_one_line(call, tmp_path, semantic_run, tiny)
     assert result.status == 2 and result.out == "" and result.err.count("\n") == 1
     assert "has no map; train one with --model semantic-map or --model ram-map or" in result.message
     empty = tmp_path / "empty"
-    train(empty, tiny("semantic-map", frames=4 * 60))
+    train(empty, tiny("semantic-map", decisions=60))
     result = call("eval", empty, "--policy", "planner")
     assert result.status == 2 and "is still empty" in result.message and result.err.count("\n") == 1
     assert not [*semantic_run.glob("*planner*"), *empty.glob("*planner*")]

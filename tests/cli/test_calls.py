@@ -56,7 +56,9 @@ def test_the_keys_of_training_and_evaluation_are_documented():
 @pytest.mark.parametrize("model", ["baseline", "otsu", "birch", "semantic", "semantic-map", "ram"])
 def test_all_models_train_and_play(call, tmp_path, tiny_toml, model):
     run = tmp_path / "run"
-    told = only_json(call("train", "--model", model, "--config", tiny_toml(model, frames=320), "--run", run, "--json"))
+    told = only_json(
+        call("train", "--model", model, "--config", tiny_toml(model, decisions=80), "--run", run, "--json")
+    )
     assert told.keys() == TRAIN_KEYS
     assert told["run"] == str(run) and told["model"] == model and told["seed"] == 0
     assert told["frames"] == 320 and told["decisions"] == 80 and told["seconds"] > 0
@@ -96,7 +98,7 @@ def test_how_far_it_sees_ahead_is_told_and_written(call, tmp_path, map_run):
 
 def test_people_are_told_as_well(call, tmp_path, tiny_toml):
     run = tmp_path / "run"
-    trained = call("train", "--config", tiny_toml("otsu", frames=400), "--run", run)
+    trained = call("train", "--config", tiny_toml("otsu", decisions=100), "--run", run)
     assert trained.status == 0 and "100 decisions (400 frames)" in trained.out
     assert "otsu on semrl/Catch-v0, seed 0" in trained.err and "threshold" in trained.err
     played = call("eval", run, "--episodes", 1)
@@ -118,19 +120,19 @@ def test_flags_win_over_the_file_and_the_file_over_the_preset(call, tmp_path):
     config = RunFolder.open(run).config()
     expected = preset("semrl", "baseline")
     agent = dataclasses.replace(expected.agent, n_steps=2, replay_capacity=50, batch_size=7)
-    assert config == dataclasses.replace(expected, env="semrl/Catch-v0", frames=8, seed=6, agent=agent)
+    assert config == dataclasses.replace(expected, env="semrl/Catch-v0", decisions=2, seed=6, agent=agent)
 
 
 def test_the_preset_is_the_thesis_when_asked_for(call, tmp_path):
     run = tmp_path / "run"
-    flags = ["--env", "semrl/Catch-v0", "--frames", "8", "--agent.replay-capacity", "50"]
+    flags = ["--env", "semrl/Catch-v0", "--decisions", "2", "--agent.replay-capacity", "50"]
     assert call("train", "--preset", "thesis", "--model", "otsu", *flags, "--run", run).status == 0
     agent = dataclasses.replace(RunConfig().agent, replay_capacity=50)
-    assert RunFolder.open(run).config() == RunConfig(model="otsu", env="semrl/Catch-v0", frames=8, agent=agent)
+    assert RunFolder.open(run).config() == RunConfig(model="otsu", env="semrl/Catch-v0", decisions=2, agent=agent)
 
 
 def test_a_run_gets_a_name_of_its_own(call, tmp_path, tiny_toml, monkeypatch):
-    settings = tiny_toml("baseline", frames=8)
+    settings = tiny_toml("baseline", decisions=2)
     monkeypatch.chdir(tmp_path)
     told = only_json(call("train", "--config", settings, "--json"))
     assert re.fullmatch(r"runs/baseline-catch-v0-0-\d{8}-\d{6}", told["run"])
@@ -210,7 +212,7 @@ def test_the_help_explains_every_setting(call, monkeypatch):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signals_stop_a_process_in_one_line(call, tmp_path, tiny_toml, number):
     run = tmp_path / "run"
-    path = tiny_toml("otsu", frames=4_000_000, checkpoint_seconds=0.05)
+    path = tiny_toml("otsu", decisions=1_000_000, checkpoint_seconds=0.05)
     argv = ["train", "--config", path, "--run", str(run), "--json"]
     process = subprocess.Popen(
         [sys.executable, "-c", "import sys; from semrl.cli import main; sys.exit(main())", *argv],

@@ -105,7 +105,7 @@ def test_components_are_not_cut_but_objects_are():
     image[40:44] = 200
     detector = detector_with(100)
     assert detector.components(image).max() == 1
-    assert len(detector.detect(image)) == 12
+    assert len(detector.detect(image)) == 11
 
 
 @pytest.fixture(scope="module")

@@ -11,9 +11,9 @@ from semrl.experiments.trials import Outcome, Trial, outcome_of
 from semrl.runs import evaluate
 from semrl.runs.metrics import read_metrics
 
-SPEC = RunSpec(preset="thesis", model="ram", seed=0, frames=4000)
+SPEC = RunSpec(preset="thesis", model="ram", seed=0, decisions=1000)
 SCORE = Score(
-    id=SPEC.id, preset="thesis", model="ram", seed=0, frames=4000, episodes=2, mean=-20.5, max=-20.0, min=-21.0,
+    id=SPEC.id, preset="thesis", model="ram", seed=0, decisions=1000, episodes=2, mean=-20.5, max=-20.0, min=-21.0,
     std=0.7, planner=None, seconds=1.5, versions="python=3.11, x=1", machine="Linux", weights="abc",
     settings=settings_of(SPEC.config()),
 )  # fmt: skip
@@ -41,7 +41,7 @@ def test_trials_stand_beside_the_run(tmp_path):
     trials = [Trial(), Trial(policy="planner", sticky_actions=0.25)]
     outcomes = [
         Outcome(
-            id=SPEC.id, frames=4000, trial=trial.name, episodes=3, mean=-1.5, max=2.0, min=-4.0, std=3.0, different=2
+            id=SPEC.id, decisions=1000, trial=trial.name, episodes=3, mean=-1.5, max=2.0, min=-4.0, std=3.0, different=2
         )
         for trial in trials
     ]
@@ -56,7 +56,7 @@ def test_trials_stand_beside_the_run(tmp_path):
 
 def test_a_run_is_done_when_its_trials_were_held(tmp_path):
     spec = replace(SPEC, trials=(Trial(),))
-    held = Outcome(id=SPEC.id, frames=4000, trial=Trial().name, episodes=3, mean=0, max=0, min=0, std=0, different=1)
+    held = Outcome(id=SPEC.id, decisions=1000, trial=Trial().name, episodes=3, mean=0, max=0, min=0, std=0, different=1)
     enter(tmp_path, SCORE, EPISODES)
     ledger = read_ledger([tmp_path])
     assert (ledger.is_done(SPEC), ledger.is_done(spec)) == (True, False)
@@ -75,7 +75,7 @@ def test_other_settings_are_another_run(tmp_path):
 
 def test_another_budget_is_another_run(tmp_path):
     enter(tmp_path, SCORE, EPISODES)
-    assert read_ledger([tmp_path]).score(RunSpec(preset="thesis", model="ram", seed=0, frames=8000)) is None
+    assert read_ledger([tmp_path]).score(RunSpec(preset="thesis", model="ram", seed=0, decisions=2000)) is None
 
 
 def test_the_first_folder_counts(tmp_path):
@@ -91,7 +91,7 @@ def test_the_first_folder_counts(tmp_path):
     "damage",
     [
         lambda text: text[: len(text) // 2],
-        lambda text: text.replace("4000", "four"),
+        lambda text: text.replace("1000", "many"),
         lambda text: text.replace("seed,", ""),
     ],
 )
@@ -111,7 +111,7 @@ def test_damaged_returns_are_told(tmp_path):
 
 
 def test_games_that_the_planner_played_do_not_count(tracked_run):
-    spec = RunSpec(preset="semrl", model="semantic-map", seed=0, frames=1000)
+    spec = RunSpec(preset="semrl", model="semantic-map", seed=0, decisions=250)
     score, episodes, _ = score_of(spec, tracked_run)
     rows = [row for row in read_metrics(tracked_run / "metrics.csv") if row["phase"] == "agent"]
     own = [float(row["return"]) for row in rows if row["policy"] == "agent"]
@@ -144,4 +144,4 @@ def test_somebody_elses_games_are_no_trial(semantic_run, tmp_path):
 def test_a_damaged_trial_is_told(tmp_path):
     Trial().path(tmp_path).write_text('{"mean": 1}')
     with pytest.raises(SemrlError, match=r"evaluation.json is damaged: KeyError.*; delete it to play again"):
-        outcome_of(Trial(), tmp_path, id_="run", frames=4)
+        outcome_of(Trial(), tmp_path, id_="run", decisions=1)

@@ -18,12 +18,16 @@ from semrl.runs.files import locked
 
 TINY = {spec.id: spec for spec in SWEEPS["tiny"].runs()}["semrl-semantic-map-0"]
 TINY_SETTINGS = merge(TINY.overrides, TINY.overrides["models"]["semantic-map"])
-SPEC = RunSpec(preset="semrl", model="semantic", seed=3, frames=1200, overrides=TINY_SETTINGS)
+SPEC = RunSpec(preset="semrl", model="semantic", seed=3, decisions=300, overrides=TINY_SETTINGS)
 NOTHING = read_ledger([])
 
 
 def test_a_sweep_is_all_its_runs():
-    sweep = Sweep(frames=8, models=tuple(TABLE), seeds={"thesis": ((0,), (0,)), "semrl": ((0,), (0, 1, 2))})
+    sweep = Sweep(
+        decisions={"thesis": 2, "semrl": 2},
+        models=tuple(TABLE),
+        seeds={"thesis": ((0,), (0,)), "semrl": ((0,), (0, 1, 2))},
+    )
     runs = sweep.runs()
     assert len({run.id for run in runs}) == len(runs) == 7 + 3 + 4 * 3
     assert [run.model for run in runs[:7]] == list(TABLE)
@@ -37,7 +41,11 @@ def test_a_sweep_is_all_its_runs():
 def test_every_run_of_a_sweep_has_a_configuration(scale):
     for spec in SWEEPS[scale].runs():
         config = spec.config()
-        assert (config.model, config.seed, config.frames) == (spec.model, spec.seed, SWEEPS[scale].frames)
+        assert (config.model, config.seed, config.decisions) == (
+            spec.model,
+            spec.seed,
+            SWEEPS[scale].decisions[spec.preset],
+        )
 
 
 def test_a_stopped_queue_goes_on_and_ends_as_if_nothing_had_happened(tmp_path):
@@ -50,7 +58,7 @@ def test_a_stopped_queue_goes_on_and_ends_as_if_nothing_had_happened(tmp_path):
 
     with pytest.raises(SemrlError, match="the same command goes on"):
         Queue(tmp_path, workers=2, say=say).work_off([SPEC], NOTHING)
-    assert said == ["run 1 of 1: semrl-semantic-3, 1,200 frames"]
+    assert said == ["run 1 of 1: semrl-semantic-3, 300 decisions"]
     queue = Queue(tmp_path, workers=1, say=said.append)
     queue.work_off([SPEC], read_ledger([tmp_path]))
     ledger = read_ledger([tmp_path])

@@ -18,7 +18,7 @@ from semrl.state.environment import FrameSkip
 from semrl.training import Trainer
 
 QUICK = DQNConfig(
-    exploration_frames=10_000,
+    exploration_decisions=543,
     learning_rate=1e-3,
     adam_beta1=0.9,
     batch_size=64,
@@ -65,7 +65,7 @@ def mean_return(env, encode, choose, episodes=20):
 @pytest.mark.parametrize("seed", range(3))
 def test_dqn_learns_to_catch_every_ball(seed):
     env = FrameSkip(Catch(observation="vector"), 4)
-    agent = DQN(QUICK, (4,), np.float32, 2, frame_skip=4, seed=seed)
+    agent = DQN(QUICK, (4,), np.float32, 2, seed=seed)
     assert mean_return(env, np.asarray, agent.best_action) < -1
     best = -5.0
     for episode in range(1, 221):  # 45 decisions each
@@ -80,7 +80,7 @@ def test_dqn_learns_to_catch_every_ball(seed):
 def test_an_agent_without_rewards_learns_nothing():
     """What the test above measures can fail."""
     env = FrameSkip(Catch(observation="vector"), 4)
-    agent = DQN(QUICK, (4,), np.float32, 2, frame_skip=4, seed=0)
+    agent = DQN(QUICK, (4,), np.float32, 2, seed=0)
 
     def blind(observation, action, reward, **ends):
         agent.observe(observation, action, 0.0, **ends)
@@ -96,7 +96,7 @@ def test_dqn_learns_to_catch_from_scenes():
     config = PipelineConfig(embedding="hashed", hashed=HashedEmbeddingConfig(dimension=512))
     pipeline = Pipeline(config, "embedding")
     settings = replace(QUICK, learning_rate=5e-4, network=NetworkConfig(hidden_units=(128,), layer_norm=True))
-    agent = DQN(settings, pipeline.shape, pipeline.dtype, 2, frame_skip=4, seed=0)
+    agent = DQN(settings, pipeline.shape, pipeline.dtype, 2, seed=0)
     trainer = Trainer(
         Game(make_env("semrl/Catch-v0"), 0), pipeline, Schooling(pipeline, StabilityConfig(batches=30)), agent,
         decisions=10_000, seed=0,

@@ -18,7 +18,7 @@ MOVES = np.array([[-1, 0], [1, 0], [0, -1], [0, 1]])
 
 
 def a_map(config=COARSE):
-    return StateMap(config, D, N_ACTIONS)
+    return StateMap(config, D, N_ACTIONS, changes=True)
 
 
 def episode(seed=0, decisions=120, scale=0.3):
@@ -101,7 +101,7 @@ def test_an_edge_tells_the_means_of_its_transitions(config):
 
 def test_a_small_world_has_its_true_graph():
     size, tiny = 5, StateMapConfig(node_threshold=1e-3, edge_threshold=1e-3)
-    learned = StateMap(tiny, 2, 4)
+    learned = StateMap(tiny, 2, 4, changes=True)
     for seed in range(6):
         learned.partial_fit(grid_walk(seed, 400, size))
     graph = learned.graph_
@@ -277,7 +277,7 @@ def test_arrays_of_another_map_are_refused():
         with pytest.raises(DataError):
             learned.from_arrays(arrays)
     assert digest(learned.to_arrays()) == before
-    for other in (StateMap(COARSE, D + 1, N_ACTIONS), StateMap(COARSE, D, N_ACTIONS + 1)):
+    for other in (StateMap(COARSE, D + 1, N_ACTIONS, changes=True), StateMap(COARSE, D, N_ACTIONS + 1, changes=True)):
         with pytest.raises(DataError, match="the saved map"):
             other.from_arrays(saved)
 
@@ -314,3 +314,18 @@ def test_transitions_are_located_where_they_were_learned():
 def test_transitions_on_an_empty_map_are_told():
     with pytest.raises(DataError, match="the map has no edges"):
         a_map().locate_transitions(episode())
+
+
+def test_thresholds_count_a_state_and_its_change():
+    """Points on a line, 0.15 apart: the change that is not among a state's numbers counts all the same."""
+    config = StateMapConfig(node_threshold=0.1, edge_threshold=0.1)
+    line = Trajectory(
+        states=(0.15 * np.arange(20, dtype=np.float32))[:, None],
+        actions=np.zeros(19, np.int64),
+        rewards=np.zeros(19, np.float32),
+    )
+    alone, with_change = (
+        len(StateMap(config, 1, 1, changes=changes).partial_fit(line).graph_) for changes in (True, False)
+    )
+    assert with_change < alone
+    assert StateMap(config, 1, 1).partial_fit(line).graph_.node_means.shape == (with_change, 1)

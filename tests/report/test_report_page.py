@@ -16,8 +16,8 @@ from semrl.runs.metrics import MetricsFile, read_metrics
 RETURNS = [-21.0, -20.0, -18.0, -19.0, -12.0]
 
 
-def make_run(path, *, model="semantic", seed=0, metrics=True, evaluation=True, gallery=True, frames=40_000):
-    config = RunConfig(model=model, seed=seed, frames=frames)
+def make_run(path, *, model="semantic", seed=0, metrics=True, evaluation=True, gallery=True, decisions=10_000):
+    config = RunConfig(model=model, seed=seed, decisions=decisions)
     folder = RunFolder.create(path, config)
     if metrics:
         write_metrics(folder.metrics_path)

@@ -91,8 +91,8 @@ def test_the_model_of_an_override_chooses_the_table():
         ({"frame": 3}, "unknown setting 'frame'; did you mean 'frames'"),
         ({"agent": {"batchsize": 3}}, "unknown setting 'agent.batchsize'; did you mean 'agent.batch_size'"),
         ({"agent": 3}, "agent"),
-        ({"frames": "many"}, "frames"),
-        ({"frames": 1.5}, "frames"),
+        ({"decisions": "many"}, "decisions"),
+        ({"decisions": 1.5}, "decisions"),
         ({"agent": {"double": 1}}, "double"),
         ({"agent": {"network": {"hidden_units": ["a"]}}}, "hidden_units"),
         ({"model": "ramm"}, "model"),
@@ -111,10 +111,8 @@ NOT_A_NUMBER = float("nan")
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"frames": 3},
-        {"frames": 0},
-        {"frames": -400},
-        {"frames": 7, "environment": {"frame_skip": 8}},
+        {"decisions": 0},
+        {"decisions": -400},
         {"seed": -1},
         {"seed": 1 << 63},
         {"threads": 0},
@@ -140,8 +138,7 @@ def test_impossible_values_are_refused(wrong):
 
 
 def test_the_smallest_budget_is_one_decision():
-    assert from_dict({"frames": 4}, source="test").decisions == 1
-    assert from_dict({"frames": 7}, source="test").decisions == 1
+    assert from_dict({"decisions": 1}, source="test").decisions == 1
 
 
 @pytest.mark.parametrize("content", [b"frames = ", b"[agent\n", b"\xff\xfe", b"frames = 1\nframes = 2"])

@@ -96,7 +96,7 @@ def test_exploring_play_is_another_play(semantic_run, monkeypatch):
 
 
 def test_games_with_an_action_for_waiting_begin_at_random(tmp_path, tiny):
-    train(tmp_path / "run", tiny("ram", frames=8))
+    train(tmp_path / "run", tiny("ram", decisions=2))
     player = load_player(tmp_path / "run")
     game = player.new_game(0)
     rams = [game.reset().ram.tobytes() for _ in range(4)]
@@ -118,7 +118,7 @@ def test_runs_that_cannot_play_are_told_apart(tmp_path, tiny):
     blind = stopped(tmp_path / "blind", tiny(), 8)
     with pytest.raises(UsageError, match="has not learned to see yet"):
         evaluate(blind)
-    train(tmp_path / "short", tiny(frames=40))
+    train(tmp_path / "short", tiny(decisions=10))
     with pytest.raises(UsageError, match="has not learned to see yet"):
         evaluate(tmp_path / "short")
     half = stopped(tmp_path / "half", tiny(), 90)

@@ -182,7 +182,7 @@ def test_stopped_and_resumed_it_ends_like_the_unbroken_one(tmp_path, tiny, map_r
 
 def test_ram_models_have_maps_too(tmp_path, tiny):
     """An episode of Pong is long: without one, all is wired and the map still empty."""
-    train(tmp_path / "run", tiny("ram-map", frames=200))
+    train(tmp_path / "run", tiny("ram-map", decisions=50))
     player = load_player(tmp_path / "run")
     assert player.reasoner.dimension == player.pipeline.shape[0] == 4
     with pytest.raises(UsageError, match="still empty"):

@@ -87,7 +87,7 @@ def test_state_moved_through_files_goes_on_bit_for_bit(tmp_path, tiny, model, ch
     """Every few decisions a fresh trainer takes over what the one before has written."""
     if "pipeline__embedding" in changes:
         pytest.importorskip("gensim")
-    config = tiny(model, frames=440, **changes)
+    config = tiny(model, decisions=110, **changes)
     whole, parts = Rows(), Rows()
     with limited_threads(1):
         unbroken = build_trainer(config, [whole])
@@ -117,7 +117,7 @@ N_DECISIONS = sum(LENGTHS.values())
 @pytest.fixture
 def slow_config(tiny):
     return tiny(
-        frames=4 * N_DECISIONS,
+        decisions=N_DECISIONS,
         checkpoint_seconds=0.03,
         pipeline__detection__threshold_frames=LENGTHS["threshold"],
         stability__batches=20,

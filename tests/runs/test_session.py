@@ -55,8 +55,8 @@ def test_a_run_tells_what_it_did(semantic_run, tiny):
 
 
 def test_the_same_seed_gives_the_same_run_and_another_does_not(tmp_path, tiny, baseline_run):
-    train(tmp_path / "again", tiny("baseline", frames=300))
-    train(tmp_path / "other", tiny("baseline", frames=300, seed=1))
+    train(tmp_path / "again", tiny("baseline", decisions=75))
+    train(tmp_path / "other", tiny("baseline", decisions=75, seed=1))
     assert hashes(tmp_path / "again") == hashes(baseline_run)
     assert rows(tmp_path / "again") == rows(baseline_run)
     assert hashes(tmp_path / "other")["weights"] != hashes(baseline_run)["weights"]
@@ -77,7 +77,7 @@ def test_a_finished_run_without_its_result_is_refused(tmp_path, baseline_run):
 
 
 def test_no_finished_episode_has_no_mean(tmp_path, tiny):
-    result = train(tmp_path / "run", tiny("baseline", frames=8))
+    result = train(tmp_path / "run", tiny("baseline", decisions=2))
     assert result.decisions == 2 and result.episodes == 0 and result.return_mean_last10 is None
 
 
@@ -117,7 +117,7 @@ def test_weights_that_are_no_numbers_are_never_saved(tmp_path, tiny):
                 next(trainer.agent.network.parameters()).data.fill_(np.nan)
 
     with pytest.raises(SemrlError, match="no longer numbers"):
-        train(path, tiny(agent__initial_buffer=10_000, frames=300), observers=[Spoiler(0, None)])
+        train(path, tiny(agent__initial_buffer=10_000, decisions=75), observers=[Spoiler(0, None)])
     assert int(RunFolder.open(path).load().arrays["decisions"]) < 60
 
 
@@ -129,7 +129,7 @@ def test_models_of_the_world_that_are_no_numbers_are_never_saved(tmp_path, tiny,
                 network = getattr(trainer.reasoner.world, part).network
                 next(network.layers.parameters()).data.fill_(np.nan)
 
-    config = tiny("semantic-map", frames=300, reasoning__models__reward__kind="network")
+    config = tiny("semantic-map", decisions=75, reasoning__models__reward__kind="network")
     with pytest.raises(SemrlError, match=f"try a smaller --reasoning.models.{part.replace('_', '-')}.learning-rate"):
         train(tmp_path / "run", config, observers=[Spoiler(0, None)])
 
@@ -157,7 +157,7 @@ def test_a_full_disk_keeps_the_checkpoint(tmp_path, tiny, monkeypatch, semantic_
 
 def test_a_crash_at_any_write_costs_nothing(tmp_path, tiny, monkeypatch):
     """Every file is followed by a crash once: before it has its name, and after."""
-    config = tiny("otsu", frames=48, checkpoint_seconds=0.0)
+    config = tiny("otsu", decisions=12, checkpoint_seconds=0.0)
     train(tmp_path / "whole", config)
 
     class Crash(BaseException):
@@ -214,7 +214,7 @@ def test_two_processes_cannot_train_one_run(tmp_path, tiny):
 
 
 def test_a_finished_run_whose_learning_is_lost_is_trained_again(tmp_path, tiny):
-    first = train(str(tmp_path / "run"), tiny("otsu", frames=160))  # a path may be text
+    first = train(str(tmp_path / "run"), tiny("otsu", decisions=40))  # a path may be text
     folder = RunFolder.open(tmp_path / "run")
     before = folder.manifest()["hashes"]
     for checkpoint in folder.checkpoints():

@@ -11,12 +11,12 @@ from semrl.errors import UsageError
 class DQNConfig:
     """Parameters of learning; the defaults are the thesis's (§3.3), else those of the DQN paper."""
 
-    exploration_frames: int = 30_000
-    """Emulator frames until exploration reaches its minimum."""
+    exploration_decisions: float = 30_000.0
+    """Time constant of exploration's exponential decay: after so many decisions 1/e of its maximum is left."""
     exploration_max: float = 1.0
     """Probability of a random action at the beginning."""
     exploration_min: float = 0.01
-    """Probability of a random action at the end; the decay is exponential."""
+    """Probability below which the decay does not fall."""
     final_exploration: float = 1.0
     """What is left of it at the end of the budget, as a share; it falls evenly through the second half.
 
@@ -46,7 +46,7 @@ class DQNConfig:
     """Decisions gathered before the first update."""
     discount: float = 0.99
     """What a reward one decision later counts."""
-    decisions_per_update: int = 4
+    decisions_per_update: int = 1
     """Decisions between two updates."""
     reward_share: float = 0.0
     """Share of a batch that is drawn from the decisions shortly before rewards; the rest is uniform."""
@@ -56,7 +56,7 @@ class DQNConfig:
     """Choose the next action by the online network, value it by the target network (van Hasselt et al. 2016)."""
     target_rate: float = 1.0
     """Share of the online weights taken over at each renewal of the target network."""
-    target_updates: int = 250
+    target_updates: int = 1000
     """Updates between two renewals of the target network."""
     advice_margin: float = 0.0
     """By how much the action that a planner advised should be worth more than others (Hester et al. 2018)."""
@@ -89,11 +89,11 @@ class DQNConfig:
 
 
 _COUNTS = (
-    "exploration_frames", "heads", "head_decisions", "batch_size", "initial_buffer", "decisions_per_update", "n_steps",
+    "heads", "head_decisions", "batch_size", "initial_buffer", "decisions_per_update", "n_steps",
     "target_updates",
 )  # fmt: skip
 _SHARES = (
     "exploration_min", "exploration_max", "final_exploration", "voting", "final_learning_rate", "discount",
     "reward_share", "target_rate",
 )  # fmt: skip
-_POSITIVE = ("exploration_min", "learning_rate", "adam_epsilon", "target_rate")
+_POSITIVE = ("exploration_decisions", "learning_rate", "adam_epsilon", "target_rate")

@@ -1,5 +1,6 @@
 """Deep Q-learning (§3.3; Mnih et al. 2015), with the additions that proved worth it here."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -27,8 +28,6 @@ class DQN:
         Of one observation: ``(84, 84)`` uint8 or ``(d,)`` float32.
     n_actions
         Number of actions.
-    frame_skip
-        Emulator frames a decision; exploration is counted in frames.
     seed
         Of weights, exploration and replay.
     goal_size
@@ -44,14 +43,12 @@ class DQN:
         dtype: DTypeLike,
         n_actions: int,
         *,
-        frame_skip: int,
         seed: int,
         goal_size: int = 0,
         budget: int | None = None,
     ) -> None:
         self.config = config
         self.n_actions = n_actions
-        self.frame_skip = frame_skip
         self.budget = budget
         self.replay = ReplayBuffer(config.replay_capacity, shape, dtype)
         n_values = n_actions * config.heads
@@ -73,11 +70,10 @@ class DQN:
 
     @property
     def exploration(self) -> float:
-        """Probability that the next action is random: exponential decay from maximum to minimum."""
+        """Probability that the next action is random: exponential decay from the maximum, down to the minimum."""
         c = self.config
-        progress = min(1.0, self.decisions_ * self.frame_skip / c.exploration_frames)
-        usual = float(c.exploration_max * (c.exploration_min / c.exploration_max) ** progress)
-        return usual * self._late(c.final_exploration)
+        decayed = c.exploration_max * math.exp(-self.decisions_ / c.exploration_decisions)
+        return max(c.exploration_min, decayed) * self._late(c.final_exploration)
 
     @property
     def learning_rate(self) -> float:

@@ -27,6 +27,6 @@ class TensorBoard:
         if self._writer is None:
             self._writer = self._make_writer(str(self.path))
         for name, value in row.items():
-            if isinstance(value, int | float) and name not in ("decisions", "frames"):
+            if isinstance(value, int | float) and name != "decisions":
                 self._writer.add_scalar(f"{row['phase']}/{name}", value, row["decisions"])
         self._writer.flush()

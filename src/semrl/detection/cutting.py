@@ -14,13 +14,8 @@ _SHARES_OF_WHITE = np.arange(256, dtype=np.float32) / np.float32(255)
 
 @functools.cache
 def n_parts(length_px: int, limit_px: int) -> int:
-    """Return into how many parts a length is cut: as few as possible, of the same size, within the limit.
-
-    A length that has no such divisor (a prime, say) is cut into parts that differ by one pixel, rather
-    than into slivers.
-    """
-    fewest = -(-length_px // limit_px)
-    return next((n for n in range(fewest, 2 * fewest + 1) if length_px % n == 0), fewest)
+    """Return into how many parts a length is cut: as few as the limit allows; they differ by one pixel at most."""
+    return -(-length_px // limit_px)
 
 
 @functools.cache

@@ -140,14 +140,14 @@ def _microseconds(embedder: Embedder, scenes: Sequence[SceneGraph], most: int, r
     return float(np.median(times))
 
 
-def _agents(frames: int, names: Sequence[str], overrides: Mapping[str, Any] | None = None) -> tuple[RunSpec, ...]:
+def _agents(decisions: int, names: Sequence[str], overrides: Mapping[str, Any] | None = None) -> tuple[RunSpec, ...]:
     """Return a run of `semantic` with each of some embeddings, exploring to its end."""
     return tuple(
         RunSpec(
             preset="semrl",
             model="semantic",
             seed=0,
-            frames=frames,
+            decisions=decisions,
             overrides=merge(overrides or {}, {"agent": {"final_exploration": 1.0}, "pipeline": CANDIDATES[name]}),
             variant=name,
         )

@@ -67,7 +67,7 @@ class Race:
                 preset="semrl",
                 model=model,
                 seed=seed,
-                frames=4 * self.decisions,
+                decisions=self.decisions,
                 overrides={**self.overrides, "milestones": list(self.milestones)},
                 trials=tuple(trial for policy in policies(model) for trial in self.trials(policy)),
             )

@@ -43,7 +43,7 @@ class Tour:
                 preset="semrl",
                 model=MODEL,
                 seed=0,
-                frames=4 * self.decisions,
+                decisions=self.decisions,
                 overrides={**self.overrides, "env": env},
                 trials=tuple(Trial(policy=policy, episodes=self.episodes) for policy in POLICIES),
                 variant=game,

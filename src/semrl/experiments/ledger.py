@@ -33,7 +33,7 @@ class Score:
 
     Attributes
     ----------
-    id, preset, model, seed, frames
+    id, preset, model, seed, decisions
         See `RunSpec`.
     mean, max, min, std
         Returns of the last ten training episodes; the standard deviation is that of a sample, as the thesis's is.
@@ -53,7 +53,7 @@ class Score:
     preset: str
     model: str
     seed: int
-    frames: int
+    decisions: int
     episodes: int
     mean: float | None
     max: float | None
@@ -68,7 +68,7 @@ class Score:
 
 
 Key = tuple[str, int, str]
-"""Id, budget in frames and settings of a run."""
+"""Id, budget in decisions and settings of a run."""
 
 Row = TypeVar("Row", Score, Outcome)
 
@@ -135,7 +135,7 @@ def _changes(ours: Mapping[str, Any], default: Mapping[str, Any]) -> dict[str, A
 
 
 def _key(spec: RunSpec) -> Key:
-    return spec.id, spec.frames, settings_of(spec.config())
+    return spec.id, spec.decisions, settings_of(spec.config())
 
 
 def read_ledger(folders: Iterable[Path]) -> Ledger:
@@ -152,11 +152,11 @@ def read_ledger(folders: Iterable[Path]) -> Ledger:
     for folder in folders:
         held = read_table(folder / TRIALS, Outcome)
         for score in read_table(folder / RUNS, Score):
-            key = (score.id, score.frames, score.settings)
+            key = (score.id, score.decisions, score.settings)
             if key not in scores:
                 scores[key] = score
                 returns[key] = _read_returns(folder / "returns" / f"{score.id}.csv")
-                its = (outcome for outcome in held if (outcome.id, outcome.frames) == key[:2])
+                its = (outcome for outcome in held if (outcome.id, outcome.decisions) == key[:2])
                 outcomes |= {(key, outcome.trial): outcome for outcome in its}
     return Ledger(scores=scores, returns=returns, outcomes=outcomes)
 
@@ -195,7 +195,7 @@ def enter(folder: Path, score: Score, episodes: NDArray[np.float64], outcomes: S
 
 def score_of(spec: RunSpec, run: Path) -> tuple[Score, NDArray[np.float64], list[Outcome]]:
     """Sum a finished run up: its row, its episodes and its trials."""
-    outcomes = [outcome_of(trial, run, id_=spec.id, frames=spec.frames) for trial in spec.trials]
+    outcomes = [outcome_of(trial, run, id_=spec.id, decisions=spec.decisions) for trial in spec.trials]
     manifest = RunFolder.open(run).manifest()
     rows = [row for row in read_metrics(run / "metrics.csv") if row["policy"] == "agent"]
     episodes = np.array([(float(row["decisions"]), float(row["return"])) for row in rows]).reshape(-1, 2)
@@ -205,7 +205,7 @@ def score_of(spec: RunSpec, run: Path) -> tuple[Score, NDArray[np.float64], list
         preset=spec.preset,
         model=spec.model,
         seed=spec.seed,
-        frames=spec.frames,
+        decisions=spec.decisions,
         episodes=len(episodes),
         **summed_up(last),
         planner=next((outcome.mean for outcome in outcomes if outcome.trial == "planner"), None),

@@ -161,7 +161,9 @@ def _map(reasoner: Reasoner, run: Trajectory) -> tuple[dict[str, float | None], 
     """Describe the map, alone and by a run, and place its nodes by two principal components."""
     learned, on_map = reasoner.state_map, reasoner.on_map(run)
     graph, described = learned.graph_, describe(learned.graph_)
-    scratch = StateMap(learned.config, learned.dimension, learned.n_actions).partial_fit(on_map)
+    scratch = StateMap(learned.config, learned.dimension, learned.n_actions, changes=learned.changes).partial_fit(
+        on_map
+    )
     pca = PCA(min(2, *graph.node_means.shape))
     placed = pca.fit_transform(graph.node_means)
     positions = np.pad(placed, ((0, 0), (0, 2 - placed.shape[1])))

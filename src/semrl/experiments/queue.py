@@ -89,7 +89,7 @@ class Queue:
                 if _is_done(self._run(spec), spec):  # only its entry in the ledger is missing
                     self._enter(spec)
                     continue
-                self.say(f"run {total - len(waiting)} of {total}: {spec.id}, {spec.frames:,} frames")
+                self.say(f"run {total - len(waiting)} of {total}: {spec.id}, {spec.decisions:,} decisions")
                 self._jobs.append(self._start(spec))
             time.sleep(POLL_SECONDS)
             for job in [job for job in self._jobs if job.process.poll() is not None]:

@@ -33,27 +33,27 @@ RESAMPLES = 2000
 
 SWEEPS: dict[Scale, Sweep] = {
     "full": Sweep(
-        frames=2_000_000,
+        decisions={"thesis": 2_000_000, "semrl": 500_000},
         seeds={"thesis": ((0,), (0,)), "semrl": ((0,), (0, 1, 2))},
         models=tuple(TABLE),
-        overrides={"agent": {"decisions_per_update": 4}},  # five times the play: as many updates as with a fifth of it
         # Who wins every game by the same line forgets all others: what is remembered is 100,000 decisions of that line.
-        presets={"semrl": {"environment": {"max_noops": 30}}},
+        # Five times the play of the preset: as many updates as with a fifth of it.
+        presets={"semrl": {"environment": {"max_noops": 30}, "agent": {"decisions_per_update": 4}}},
     ),
     "quick": Sweep(
-        frames=32_000,
+        decisions={"thesis": 8_000, "semrl": 8_000},
         seeds={"thesis": ((0,), (0,)), "semrl": ((0,), (0,))},
         models=tuple(TABLE),
         overrides={
             "pipeline": {"doc2vec": {"documents": 1000}},
-            "agent": {"initial_buffer": 500, "exploration_frames": 8_000},
+            "agent": {"initial_buffer": 500, "exploration_decisions": 434},
             "reasoning": {"models": {"next_state": {"epochs": 5}}},
             "evaluation": {"max_noops": 0},
         },
         planner_episodes=1,
     ),
     "tiny": Sweep(
-        frames=4_800,
+        decisions={"semrl": 1_200},
         seeds={"semrl": ((0,), (0,))},
         models=("ram-map", "semantic-map"),
         overrides={

@@ -20,10 +20,8 @@ class RunSpec:
 
     Attributes
     ----------
-    preset, model, seed
+    preset, model, seed, decisions
         As `semrl train` has them.
-    frames
-        Budget.
     overrides
         Nested settings on top of the preset.
     trials
@@ -35,7 +33,7 @@ class RunSpec:
     preset: str
     model: str
     seed: int
-    frames: int
+    decisions: int
     overrides: Mapping[str, Any] = field(default_factory=dict)
     trials: tuple[Trial, ...] = ()
     variant: str = ""
@@ -47,7 +45,7 @@ class RunSpec:
 
     def config(self) -> RunConfig:
         """Return the configuration of the run."""
-        return preset(self.preset, self.model, {**self.overrides, "frames": self.frames, "seed": self.seed})
+        return preset(self.preset, self.model, {**self.overrides, "decisions": self.decisions, "seed": self.seed})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,8 +54,8 @@ class Sweep:
 
     Attributes
     ----------
-    frames
-        Budget of each run in emulator frames, four to a decision.
+    decisions
+        Budget of the runs of each preset.
     seeds
         Preset → seeds of pixel models and seeds of the others.
     models
@@ -70,7 +68,7 @@ class Sweep:
         Episodes that the planner plays alone after training, where there is a map.
     """
 
-    frames: int
+    decisions: Mapping[str, int]
     seeds: Mapping[str, tuple[tuple[int, ...], tuple[int, ...]]]
     models: tuple[str, ...]
     overrides: Mapping[str, Any] = field(default_factory=dict)
@@ -84,7 +82,7 @@ class Sweep:
                 preset=name,
                 model=model,
                 seed=seed,
-                frames=self.frames,
+                decisions=self.decisions[name],
                 overrides=merge(self.overrides, self.presets.get(name, {})),
                 trials=(Trial(policy="planner", episodes=self.planner_episodes),) if model in MAP_MODELS else (),
             )

@@ -34,7 +34,7 @@ class Trial:
     def was_held(self, run: Path) -> bool:
         """Tell whether its result is there; one of somebody's shorter games, or with another seed, is not."""
         config = RunFolder.open(run).config()
-        decisions = config.frames // config.environment.frame_skip if self.at is None else self.at
+        decisions = config.decisions if self.at is None else self.at
         wanted = {"decisions": decisions, "seed": config.seed + EVALUATION_SEED, "episodes": self.episodes}
         try:
             told = json.loads(self.path(run).read_text())["conditions"]
@@ -55,7 +55,7 @@ class Outcome:
 
     Attributes
     ----------
-    id, frames
+    id, decisions
         Of the run, and its budget.
     trial
         Its name.
@@ -66,7 +66,7 @@ class Outcome:
     """
 
     id: str
-    frames: int
+    decisions: int
     trial: str
     episodes: int
     mean: float
@@ -76,7 +76,7 @@ class Outcome:
     different: int
 
 
-def outcome_of(trial: Trial, run: Path, *, id_: str, frames: int) -> Outcome:
+def outcome_of(trial: Trial, run: Path, *, id_: str, decisions: int) -> Outcome:
     """Sum up a trial that was held.
 
     Raises
@@ -88,7 +88,7 @@ def outcome_of(trial: Trial, run: Path, *, id_: str, frames: int) -> Outcome:
     try:
         told: Mapping[str, Any] = json.loads(path.read_text())
         numbers = {name: told[name] for name in ("episodes", "mean", "max", "min", "std")}
-        return Outcome(id=id_, frames=frames, trial=trial.name, different=len(set(told["lengths"])), **numbers)
+        return Outcome(id=id_, decisions=decisions, trial=trial.name, different=len(set(told["lengths"])), **numbers)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise _damaged(path, error) from None
 

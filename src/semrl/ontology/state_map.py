@@ -18,9 +18,9 @@ class StateMapConfig:
     """Parameters of `StateMap` (§3.4.1)."""
 
     node_threshold: float = 0.011
-    """Largest radius of a node, in units of the state, for each of its dimensions: it is multiplied by their number."""
+    """Largest radius of a node, in units of the state, for each number of a state and its change (D38)."""
     edge_threshold: float = 0.015
-    """Largest radius of an edge, likewise multiplied by the number of dimensions of a state."""
+    """Largest radius of an edge, likewise for each number of a state and its change."""
     branching_factor: int = 100
     """Most children of a node of either tree."""
     max_nodes: int = 0
@@ -45,11 +45,11 @@ class StateMapConfig:
         self.nodes(1)  # checks the branching factor
 
     def nodes(self, dimension: int) -> CFTreeConfig:
-        """Return the node tree's part, for states of `dimension` numbers."""
+        """Return the node tree's part, where a state and its change have `dimension` numbers."""
         return self._tree(self.node_threshold * dimension, self.max_nodes)
 
     def edges(self, dimension: int) -> CFTreeConfig:
-        """Return the edge tree's part, for states of `dimension` numbers."""
+        """Return the edge tree's part, where a state and its change have `dimension` numbers."""
         return self._tree(self.edge_threshold * dimension, self.max_edges)
 
     def _tree(self, threshold: float, most: int) -> CFTreeConfig:
@@ -78,6 +78,8 @@ class StateMap:
         Numbers in a state, at least 1.
     n_actions
         How many actions there are, at least 1.
+    changes
+        Whether a state's numbers hold its change already; else the thresholds count as many numbers again for it.
 
     Notes
     -----
@@ -86,12 +88,14 @@ class StateMap:
     cut twice, which is all that the cut changes for the rows that the trees see.
     """
 
-    def __init__(self, config: StateMapConfig, dimension: int, n_actions: int) -> None:
+    def __init__(self, config: StateMapConfig, dimension: int, n_actions: int, *, changes: bool = False) -> None:
         self.config = config
         self.dimension = dimension
         self.n_actions = n_actions
-        self._nodes = CFTree(self.config.nodes(dimension))
-        self._edges = CFTree(self.config.edges(dimension))
+        self.changes = changes
+        counted = dimension if changes else 2 * dimension
+        self._nodes = CFTree(self.config.nodes(counted))
+        self._edges = CFTree(self.config.edges(counted))
         self._graph = self._read_graph()
 
     @property

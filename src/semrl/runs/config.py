@@ -55,8 +55,8 @@ class RunConfig:
     """What the agent sees: one of the models of the thesis's Table 4.1, or what is tracked (objects, objects-map)."""
     env: str = "PongNoFrameskip-v4"
     """Gymnasium environment whose observations are RGB frames."""
-    frames: int = 2_000_000
-    """Budget in emulator frames, perception included; one decision takes environment.frame-skip frames."""
+    decisions: int = 2_000_000
+    """Budget in decisions, perception included; one decision takes environment.frame-skip emulator frames."""
     seed: int = 0
     """Of everything random that is played or learned: episodes, exploration, weights, replay."""
     threads: int = 1
@@ -79,11 +79,8 @@ class RunConfig:
     """Decisions after which the agent, as it is then, is kept for `semrl eval --at`; does not change the result."""
 
     def __post_init__(self) -> None:
-        if self.frames < self.environment.frame_skip:
-            raise UsageError(
-                f"frames must be enough for one decision, environment.frame_skip ({self.environment.frame_skip}) "
-                f"or more, not {self.frames}"
-            )
+        if self.decisions < 1:
+            raise UsageError(f"decisions must be 1 or more, not {self.decisions}")
         if not 0 <= self.seed < 1 << 63:
             raise UsageError(f"seed must lie between 0 and 2^63 - 1, not {self.seed}")
         if not 1 <= self.threads <= MAX_THREADS:
@@ -92,11 +89,6 @@ class RunConfig:
             raise UsageError(f"milestones are decisions, 1 to the budget's {self.decisions:,}, not {self.milestones}")
         if not self.checkpoint_seconds >= 0:
             raise UsageError(f"checkpoint_seconds must be 0 or more, not {self.checkpoint_seconds}")
-
-    @property
-    def decisions(self) -> int:
-        """The budget in decisions."""
-        return self.frames // self.environment.frame_skip
 
 
 def preset(name: str, model: str | None = None, overrides: Mapping[str, Any] | None = None) -> RunConfig:

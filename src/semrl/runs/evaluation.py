@@ -86,7 +86,9 @@ def evaluate(
     asked = {"episodes": episodes, "exploration": exploration, "sticky_actions": sticky_actions}
     player = load_player(run, at).under(**{name: value for name, value in asked.items() if value is not None})
     if player.perceiving:
-        raise UsageError(f"{run} has not learned to see yet, so there is no agent to play with: it needs more frames")
+        raise UsageError(
+            f"{run} has not learned to see yet, so there is no agent to play with: it needs more decisions"
+        )
     if policy == "planner":
         player.require_foresight(run)
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed

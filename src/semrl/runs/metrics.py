@@ -16,7 +16,7 @@ from semrl.errors import SemrlError
 from semrl.runs.files import write_text
 
 COLUMNS = (
-    "phase", "decisions", "frames", "batches", "stability", "leaves",
+    "phase", "decisions", "batches", "stability", "leaves",
     "episode", "policy", "return", "length", "exploration", "loss", "updates",
     "map_nodes", "map_edges", "seconds_map", "seconds_next_state", "seconds_reward", "seconds_routes", "seconds",
 )  # fmt: skip

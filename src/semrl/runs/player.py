@@ -140,7 +140,7 @@ class Player:
         """
         reasoner = self.require_map(run)
         if not reasoner.world.is_fitted:
-            raise UsageError(f"{run} cannot foresee anything yet, so there are no plans: it needs more frames")
+            raise UsageError(f"{run} cannot foresee anything yet, so there are no plans: it needs more decisions")
         return reasoner
 
 

@@ -93,7 +93,6 @@ def build_trainer(config: RunConfig, observers: Sequence[Observer] = ()) -> Trai
         (pipeline.shape[0] + goal_size, *pipeline.shape[1:]),
         pipeline.dtype,
         game.n_actions,
-        frame_skip=config.environment.frame_skip,
         seed=seeds[1],
         goal_size=goal_size,
         budget=config.decisions,
