@@ -17,12 +17,12 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from semrl.agent import DQN
-from semrl.experiments.timing import Stage, medians
-from semrl.pipeline import PipelineConfig
-from semrl.runs import PRESETS, preset
-from semrl.runs.session import limited_threads
-from semrl.types import IMAGE_SIZE_PX
+from semrl.agents import DQN
+from semrl.core import IMAGE_SIZE_PX
+from semrl.perception.config import PipelineConfig
+from semrl.training import PRESETS, preset
+from semrl.training.session import limited_threads
+from semrl_thesis.timing import Stage, medians
 
 STATES, UPDATES = 300, 5
 """Actions and updates in one pass."""

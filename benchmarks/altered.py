@@ -20,14 +20,14 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from semrl.errors import UsageError
-from semrl.ontology import TreeWorld
-from semrl.runs import load_player
-from semrl.runs.evaluation import EVALUATION_SEED
-from semrl.runs.player import Player, Policy
-from semrl.runs.session import limited_threads
-from semrl.state import EnvironmentConfig, Game, make_env
-from semrl.state.environment import Env, FrameSkip, NoopStart, choose_actions
+from semrl.core.errors import UsageError
+from semrl.envs import EnvironmentConfig, Game, make_env
+from semrl.envs.environment import Env, FrameSkip, NoopStart, choose_actions
+from semrl.evaluation import load_player
+from semrl.evaluation.player import Player, Policy
+from semrl.evaluation.scores import EVALUATION_SEED
+from semrl.training.session import limited_threads
+from semrl.world_model import TreeWorld
 
 ENEMY_ADDRESS = 21
 """Where the emulator keeps the enemy's place: what is written there moves it, and is drawn with the next frame."""

@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.table import Table
 from trees import remembered
 
-from semrl.runs.session import limited_threads
+from semrl.training.session import limited_threads
 
 
 @dataclass(frozen=True, kw_only=True)

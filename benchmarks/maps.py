@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from semrl.ontology import StateMap, StateMapConfig
-from semrl.planner import LongTermConfig, plan_routes
-from semrl.reasoning import MEMORY_DECISIONS, Reasoner
-from semrl.runs import preset
-from semrl.runs.session import limited_threads
-from semrl.types import Floats, Ints, Moment, Trajectory
+from semrl.core import Floats, Ints, Moment, Trajectory
+from semrl.planning import LongTermConfig, plan_routes
+from semrl.planning.module import MEMORY_DECISIONS, Reasoner
+from semrl.planning.state_map import StateMap, StateMapConfig
+from semrl.training import preset
+from semrl.training.session import limited_threads
 
 DIMENSION = 8
 """Numbers in a state."""

@@ -16,8 +16,8 @@ import numpy as np
 import tyro
 from rich.console import Console
 
-from semrl.experiments.speed import learn_to_see
-from semrl.runs.session import limited_threads
+from semrl.training.session import limited_threads
+from semrl_thesis.speed import learn_to_see
 
 STRETCH_FRAMES = 100_000
 

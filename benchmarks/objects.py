@@ -28,12 +28,12 @@ from rich.console import Console
 from rich.table import Table
 from scipy.optimize import linear_sum_assignment
 
-from semrl.experiments.perception import new_run, school
-from semrl.pipeline import Pipeline
-from semrl.runs import RunConfig, preset
-from semrl.runs.session import limited_threads
-from semrl.tracking.habits import LEAST_MOVING_SHARE
-from semrl.types import IMAGE_SIZE_PX, Observation, Tracks
+from semrl.core import IMAGE_SIZE_PX, Observation, Tracks
+from semrl.perception.pipeline import Pipeline
+from semrl.perception.tracking.habits import LEAST_MOVING_SHARE
+from semrl.training import RunConfig, preset
+from semrl.training.session import limited_threads
+from semrl_thesis.perception import new_run, school
 
 GAMES = ("Pong", "Boxing", "Freeway", "Asterix", "Skiing", "Seaquest", "Tennis", "Kangaroo", "Breakout")
 LAG_PX = 2

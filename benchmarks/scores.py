@@ -18,9 +18,9 @@ from rich.console import Console
 from rich.table import Table
 
 from semrl import evaluate, preset, train
-from semrl.reasoning import MAP_MODELS
-from semrl.runs import RunFolder
-from semrl.runs.foresight import FILE, foresight
+from semrl.evaluation.prediction import FILE, foresight
+from semrl.planning.module import MAP_MODELS
+from semrl.training import RunFolder
 
 
 @dataclass(frozen=True, kw_only=True)

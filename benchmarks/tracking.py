@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from semrl.pipeline import Pipeline
-from semrl.runs import preset
-from semrl.runs.session import limited_threads
-from semrl.schooling import Schooling
-from semrl.state import Game, make_env
-from semrl.types import IMAGE_SIZE_PX, Outcome
+from semrl.core import IMAGE_SIZE_PX, Outcome
+from semrl.envs import Game, make_env
+from semrl.perception.pipeline import Pipeline
+from semrl.perception.pretraining.schedule import Schooling
+from semrl.training import preset
+from semrl.training.session import limited_threads
 
 OBJECTS = {"ball": (54, 49), "player": (51, None), "enemy": (50, None)}
 """RAM addresses of each object's y and, where it moves sideways, x."""

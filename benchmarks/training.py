@@ -34,11 +34,11 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from semrl.pipeline import MODELS
-from semrl.runs import RunFolder, build_trainer, preset
-from semrl.runs.folder import Checkpoint
-from semrl.runs.session import limited_threads
-from semrl.training import Trainer
+from semrl.perception.config import MODELS
+from semrl.training import RunFolder, build_trainer, preset
+from semrl.training.folder import Checkpoint
+from semrl.training.session import limited_threads
+from semrl.training.trainer import Trainer
 
 STRETCH_SECONDS = 1.0
 TRAIN, RESUME = "--train-here", "--resume-here"

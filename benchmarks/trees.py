@@ -22,12 +22,12 @@ from rich.console import Console
 from rich.table import Table
 from sklearn.tree import DecisionTreeRegressor
 
-from semrl.errors import UsageError
-from semrl.ontology import TreeWorld
-from semrl.ontology.cart import bins_of, grow_tree
-from semrl.runs.player import load_player
-from semrl.runs.session import limited_threads
-from semrl.types import Floats
+from semrl.core import Floats
+from semrl.core.errors import UsageError
+from semrl.evaluation.player import load_player
+from semrl.training.session import limited_threads
+from semrl.world_model import TreeWorld
+from semrl.world_model.cart import bins_of, grow_tree
 
 COLUMNS = ("decisions", "seen", "trees", "leaves", "bins, s", "semrl, s", "sklearn, s", "its leaves", "ratio")
 """Of the table: numbers seen of a decision, leaves of all trees; ratio of the times, bins included."""

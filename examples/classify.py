@@ -4,10 +4,11 @@ import numpy as np
 import tyro
 
 from semrl import Pipeline, make_env
-from semrl.pipeline import PipelineConfig
-from semrl.schooling import Schooling
-from semrl.stability import StabilityConfig
-from semrl.state import Game, to_grey
+from semrl.envs import Game
+from semrl.perception.config import PipelineConfig
+from semrl.perception.detection.grey import to_grey
+from semrl.perception.pretraining.schedule import Schooling
+from semrl.perception.pretraining.stability import StabilityConfig
 
 
 def learn_to_see(batches: int) -> tuple[Pipeline, Game]:

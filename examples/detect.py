@@ -3,8 +3,8 @@
 import tyro
 
 from semrl import make_env
-from semrl.detection import OtsuDetector
-from semrl.state import to_grey
+from semrl.perception.detection import OtsuDetector
+from semrl.perception.detection.grey import to_grey
 
 
 def main(decisions: int = 60) -> None:

@@ -4,8 +4,8 @@ import numpy as np
 import tyro
 from classify import learn_to_see
 
-from semrl.embedding import HashedEmbedding
-from semrl.state import to_grey
+from semrl.perception.detection.grey import to_grey
+from semrl.perception.embedding import HashedEmbedding
 
 
 def main(batches: int = 100, decisions: int = 10) -> None:

@@ -3,11 +3,12 @@
 import tyro
 from state_map import ACTIONS, random_play
 
+from semrl.core import Moment
 from semrl.grounding import ground
-from semrl.ontology import ModelPairConfig, NextStateConfig, RewardConfig, StateMapConfig
-from semrl.planner import ShortTermConfig, reason
-from semrl.reasoning import Reasoner, ReasoningConfig
-from semrl.types import Moment
+from semrl.planning import ShortTermConfig, reason
+from semrl.planning.module import Reasoner, ReasoningConfig
+from semrl.planning.state_map import StateMapConfig
+from semrl.world_model import ModelPairConfig, NextStateConfig, RewardConfig
 
 CONFIG = ReasoningConfig(
     state_map=StateMapConfig(node_threshold=0.03, edge_threshold=0.04),

@@ -3,9 +3,9 @@
 import tyro
 from state_map import ACTIONS, random_play
 
-from semrl.ontology import StateMap, StateMapConfig
-from semrl.ontology.asking import ask
-from semrl.ontology.knowledge import to_store
+from semrl.knowledge.queries import ask
+from semrl.knowledge.store import to_store
+from semrl.planning.state_map import StateMap, StateMapConfig
 
 QUERY = """
     SELECT ?state (SUM(?count) AS ?losses) (SAMPLE(?name) AS ?gaining) {

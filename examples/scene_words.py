@@ -3,8 +3,8 @@
 import tyro
 from classify import learn_to_see
 
-from semrl.embedding import WordsConfig, sentences
-from semrl.state import to_grey
+from semrl.perception.detection.grey import to_grey
+from semrl.perception.embedding import WordsConfig, sentences
 
 
 def main(batches: int = 100, objects: int = 3) -> None:

@@ -6,9 +6,9 @@ import numpy as np
 import tyro
 
 from semrl import make_env
-from semrl.ontology import StateMap, StateMapConfig
-from semrl.planner import LongTermConfig, edges_along, plan_routes
-from semrl.types import Trajectory
+from semrl.core import Trajectory
+from semrl.planning import LongTermConfig, edges_along, plan_routes
+from semrl.planning.state_map import StateMap, StateMapConfig
 
 ACTIONS = ("LEFT", "RIGHT")
 

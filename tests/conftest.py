@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from semrl.cli import main
-from semrl.runs import RunConfig, preset, train
-from semrl.runs.config import write_toml
+from semrl.training import RunConfig, preset, train
+from semrl.training.config import write_toml
 
 SETTINGS: dict[str, Any] = {
     "env": "semrl/Catch-v0",

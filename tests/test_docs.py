@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from semrl.cli.main import COMMANDS
-from semrl.runs import RunConfig, preset
+from semrl.training import RunConfig, preset
 
 ROOT = Path(__file__).parents[1]
 THESIS = (ROOT / "docs" / "thesis.md").read_text()
@@ -85,7 +85,7 @@ def test_symbol_exists(symbol):
 
 
 def test_a_wrong_symbol_would_be_noticed():
-    for symbol in ("semrl.agent.DQNConfig.momentum", "semrl.nothing.Here", "semrl.agent.DQN.updates_made"):
+    for symbol in ("semrl.agents.DQNConfig.momentum", "semrl.nothing.Here", "semrl.agents.DQN.updates_made"):
         with pytest.raises(AttributeError):
             resolve(symbol)
 

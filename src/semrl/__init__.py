@@ -4,22 +4,23 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from semrl.observation import SemanticObservation, SemanticVectorObservation
-    from semrl.pipeline import Pipeline
-    from semrl.runs import evaluate, load_pipeline, preset, train
-    from semrl.state import make_env
+    from semrl.envs import make_env
+    from semrl.evaluation import evaluate, load_pipeline
+    from semrl.perception.pipeline import Pipeline
+    from semrl.training import preset, train
+    from semrl.wrappers import SemanticObservation, SemanticVectorObservation
 
 __version__ = "0.1.0"
 
 _HOME = {
-    "Pipeline": "semrl.pipeline",
-    "SemanticObservation": "semrl.observation",
-    "SemanticVectorObservation": "semrl.observation",
-    "evaluate": "semrl.runs",
-    "load_pipeline": "semrl.runs",
-    "make_env": "semrl.state",
-    "preset": "semrl.runs",
-    "train": "semrl.runs",
+    "Pipeline": "semrl.perception.pipeline",
+    "SemanticObservation": "semrl.wrappers",
+    "SemanticVectorObservation": "semrl.wrappers",
+    "evaluate": "semrl.evaluation",
+    "load_pipeline": "semrl.evaluation",
+    "make_env": "semrl.envs",
+    "preset": "semrl.training",
+    "train": "semrl.training",
 }
 
 __all__ = [

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from semrl.cli.arguments import _one_line
-from semrl.runs import RunFolder, train
+from semrl.training import RunFolder, train
 
 CATCH = ("--env", "semrl/Catch-v0")
 

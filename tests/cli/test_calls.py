@@ -17,8 +17,8 @@ import pytest
 from semrl import __version__
 from semrl.cli import doctor
 from semrl.cli.main import COMMANDS
-from semrl.runs import RunConfig, RunFolder, preset
-from semrl.runs.metrics import read_metrics
+from semrl.training import RunConfig, RunFolder, preset
+from semrl.training.metrics import read_metrics
 
 TRAIN_KEYS = {"run", "model", "env", "seed", "frames", "decisions", "episodes", "return_mean_last10", "seconds"}
 EVAL_KEYS = {"run", "policy", "episodes", "mean", "std", "min", "max", "returns", "lengths", "rewards", "conditions"}

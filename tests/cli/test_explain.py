@@ -6,10 +6,10 @@ import os
 import pytest
 
 import semrl.cli.explain as command
+from semrl.evaluation import evaluate, load_player
+from semrl.evaluation.explaining import explain
+from semrl.evaluation.rules import unit_of
 from semrl.report import telling
-from semrl.runs import evaluate, load_player
-from semrl.runs.explaining import explain
-from semrl.runs.rules import unit_of
 
 KEYS = {
     "run", "model", "env", "trained_decisions", "policy", "seed", "episode", "step", "exploration", "return_so_far",

@@ -9,8 +9,8 @@ import pytest
 
 import semrl.cli.map as map_command
 import semrl.cli.query as query_command
-from semrl.errors import UsageError
-from semrl.types import MapGraph
+from semrl.core import MapGraph
+from semrl.core.errors import UsageError
 
 GRAPH = MapGraph(
     node_ids=np.arange(3),

@@ -16,20 +16,27 @@ import numpy as np
 import pytest
 import torch
 
-import semrl.clustering
-import semrl.detection
-import semrl.embedding
-import semrl.ontology
-import semrl.reduction
-import semrl.tracking
-from semrl.arrays import digest
-from semrl.embedding import build_scene_graph
-from semrl.errors import DataError, SemrlError
-from semrl.protocols import Persistent
-from semrl.tracking import TrackingConfig, follow, no_tracks
-from semrl.types import Objects, Trajectory
+import semrl.perception.clustering
+import semrl.perception.detection
+import semrl.perception.embedding
+import semrl.perception.reduction
+import semrl.perception.tracking
+import semrl.world_model
+from semrl.core import Objects, Trajectory
+from semrl.core.arrays import digest
+from semrl.core.errors import DataError, SemrlError
+from semrl.core.protocols import Persistent
+from semrl.perception.embedding import build_scene_graph
+from semrl.perception.tracking import TrackingConfig, follow, no_tracks
 
-PACKAGES = [semrl.detection, semrl.reduction, semrl.clustering, semrl.tracking, semrl.embedding, semrl.ontology]
+PACKAGES = [
+    semrl.perception.detection,
+    semrl.perception.reduction,
+    semrl.perception.clustering,
+    semrl.perception.tracking,
+    semrl.perception.embedding,
+    semrl.world_model,
+]
 ANSWERS = ("detect", "predict", "transform", "locate")
 DIMENSION, N_ACTIONS = 4, 3
 
@@ -51,7 +58,7 @@ def is_estimator(cls):
 
 def follows(cls):
     """Whether it learns from tracks."""
-    return cls.__module__.startswith("semrl.tracking")
+    return cls.__module__.startswith("semrl.perception.tracking")
 
 
 def knows_actions(cls):

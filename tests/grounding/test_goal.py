@@ -5,10 +5,10 @@ import itertools
 import numpy as np
 import pytest
 
-from semrl.errors import UsageError
+from semrl.core import Plan, Scenarios
+from semrl.core.errors import UsageError
 from semrl.grounding import GoalConfig, goal_size, ground
-from semrl.runs import preset
-from semrl.types import Plan, Scenarios
+from semrl.training import preset
 
 ALL = ("actions", "state", "reward")
 N_ACTIONS = 3

@@ -7,15 +7,16 @@ import numpy as np
 import pytest
 import torch
 
-from semrl.agent import DQN, DQNConfig, NetworkConfig
-from semrl.embedding import HashedEmbeddingConfig
-from semrl.pipeline import Pipeline, PipelineConfig
-from semrl.schooling import Schooling
-from semrl.stability import StabilityConfig
-from semrl.state import Game, make_env
-from semrl.state.catch import Catch
-from semrl.state.environment import FrameSkip
-from semrl.training import Trainer
+from semrl.agents import DQN, DQNConfig, NetworkConfig
+from semrl.envs import Game, make_env
+from semrl.envs.catch import Catch
+from semrl.envs.environment import FrameSkip
+from semrl.perception.config import PipelineConfig
+from semrl.perception.embedding import HashedEmbeddingConfig
+from semrl.perception.pipeline import Pipeline
+from semrl.perception.pretraining.schedule import Schooling
+from semrl.perception.pretraining.stability import StabilityConfig
+from semrl.training.trainer import Trainer
 
 QUICK = DQNConfig(
     exploration_decisions=543,

@@ -5,11 +5,11 @@ from dataclasses import replace
 import pytest
 from pages import Wellformed
 
-from semrl.errors import UsageError
+from semrl.core.errors import UsageError
+from semrl.evaluation.explaining import explain
+from semrl.evaluation.explanation import Hop
 from semrl.report import telling
 from semrl.report.explanation import render_explanation, write_explanation
-from semrl.runs.explaining import explain
-from semrl.runs.explanation import Hop
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import pytest
 from semrl.report.charts import learning_curve, stability_path
 from semrl.report.record import Series
 from semrl.report.wording import duration, number
-from semrl.runs.metrics import running_mean
+from semrl.training.metrics import running_mean
 
 
 def series(*values):

@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 from pages import Wellformed
 
-from semrl.arrays import json_to_array, nest, ragged_to_arrays
-from semrl.errors import SemrlError, UsageError
+from semrl.core.arrays import json_to_array, nest, ragged_to_arrays
+from semrl.core.errors import SemrlError, UsageError
+from semrl.core.files import write_arrays, write_text
 from semrl.report import write_report
-from semrl.runs import RunConfig, RunFolder
-from semrl.runs.config import to_dict
-from semrl.runs.files import write_arrays, write_text
-from semrl.runs.metrics import MetricsFile, read_metrics
+from semrl.training import RunConfig, RunFolder
+from semrl.training.config import to_dict
+from semrl.training.metrics import MetricsFile, read_metrics
 
 RETURNS = [-21.0, -20.0, -18.0, -19.0, -12.0]
 

@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import tyro
 
-from semrl.errors import UsageError
+from semrl.core.errors import UsageError
 
 Arguments = TypeVar("Arguments")
 

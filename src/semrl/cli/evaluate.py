@@ -12,9 +12,10 @@ import tyro
 
 from semrl.cli.arguments import parse
 from semrl.cli.progress import console, progress_bars, summary
-from semrl.runs import RunFolder, evaluate
-from semrl.runs.player import Policy, Step
-from semrl.runs.recording import recorder
+from semrl.evaluation import evaluate
+from semrl.evaluation.player import Policy, Step
+from semrl.evaluation.video import recorder
+from semrl.training import RunFolder
 
 REWARDS_SHOWN = 6
 """Of each sign."""

@@ -11,12 +11,12 @@ from rich.text import Text
 
 from semrl.cli.arguments import parse
 from semrl.cli.progress import console, error_console
+from semrl.core.files import require_writable
+from semrl.evaluation.explaining import explain
+from semrl.evaluation.explanation import Explanation
+from semrl.evaluation.player import Policy
 from semrl.report import telling
 from semrl.report.explanation import write_explanation
-from semrl.runs.explaining import explain
-from semrl.runs.explanation import Explanation
-from semrl.runs.files import require_writable
-from semrl.runs.player import Policy
 
 WIDTH = 20
 """Of a scenario at least: a narrow terminal wraps words before it cuts them."""

@@ -11,8 +11,8 @@ import tyro
 
 from semrl.cli.arguments import parse
 from semrl.cli.progress import console, progress_bars, summary
-from semrl.runs.foresight import Quality, foresight
-from semrl.runs.player import Policy, Step
+from semrl.evaluation.player import Policy, Step
+from semrl.evaluation.prediction import Quality, foresight
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,31 +1,37 @@
 """Choosing a command, and turning every foreseen failure into one line and an exit status."""
 
+import ast
 import difflib
 import importlib
+import importlib.util
 import os
 import signal
 import sys
 from collections.abc import Sequence
+from functools import cache
+from importlib.metadata import entry_points
+from pathlib import Path
 from types import FrameType, ModuleType
 
 from semrl import __version__
-from semrl.errors import SemrlError, UsageError
-from semrl.signals import handling
+from semrl.core.errors import SemrlError, UsageError
+from semrl.core.signals import handling
 
 COMMANDS = {
     "train": ("train", "learn to see, then to play; resumable"),
     "eval": ("evaluate", "play with a trained run, with a video on request"),
-    "reproduce": ("reproduce", "the thesis's tests, tables and figures, ours beside the thesis's"),
     "report": ("report", "one self-contained HTML page about one or more runs"),
     "map": ("map", "what the map of a run looks like, and the map as a file"),
     "query": ("query", "ask the map of a run in SPARQL"),
     "rules": ("rules", "what a run has learned of its world, as rules to be checked"),
     "foresee": ("foresee", "how far a run's model of the world sees ahead, on new episodes"),
     "explain": ("explain", "why a run took one decision, as text or as a page"),
-    "bench": ("bench", "frames a second, stage by stage, beside the emulator and the thesis's stack"),
     "doctor": ("doctor", "versions, threads, what is missing and how to get it"),
 }
 """Command → module of this package and what it does. Modules are imported when called: torch is slow to load."""
+
+COMMAND_GROUP = "semrl.commands"
+"""Entry points by which other packages add commands: name → module with a function ``main(argv)``."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -69,11 +75,29 @@ def _interrupt(_number: int, _frame: FrameType | None) -> None:
 
 
 def _module(command: str) -> ModuleType:
-    if command not in COMMANDS:
-        close = difflib.get_close_matches(command, COMMANDS, n=1)
-        hint = f"; did you mean '{close[0]}'?" if close else f"; there are {', '.join(COMMANDS)}"
-        raise UsageError(f"unknown command '{command}'{hint}")
-    return importlib.import_module(f"semrl.cli.{COMMANDS[command][0]}")
+    if command in COMMANDS:
+        return importlib.import_module(f"semrl.cli.{COMMANDS[command][0]}")
+    if command in _added():
+        return importlib.import_module(_added()[command])
+    known = [*COMMANDS, *_added()]
+    close = difflib.get_close_matches(command, known, n=1)
+    hint = f"; did you mean '{close[0]}'?" if close else f"; there are {', '.join(known)}"
+    raise UsageError(f"unknown command '{command}'{hint}")
+
+
+@cache
+def _added() -> dict[str, str]:
+    """Return the commands of other packages: name → module."""
+    return {point.name: point.value for point in entry_points(group=COMMAND_GROUP)}
+
+
+def _summary(module: str) -> str:
+    """Return what the first line of a module says after its colon, without importing it."""
+    spec = importlib.util.find_spec(module)
+    if spec is None or spec.origin is None:
+        return f"(the module {module} is missing)"
+    first = (ast.get_docstring(ast.parse(Path(spec.origin).read_text())) or "").partition("\n")[0]
+    return first.partition(": ")[2].rstrip(".") or first
 
 
 def _complain(problem: object, status: int) -> int:
@@ -82,8 +106,10 @@ def _complain(problem: object, status: int) -> int:
 
 
 def _help() -> str:
-    width = max(map(len, COMMANDS))
-    lines = [f"  semrl {name:<{width}}  {text}" for name, (_, text) in COMMANDS.items()]
+    texts = {name: text for name, (_, text) in COMMANDS.items()}
+    texts |= {name: _summary(module) for name, module in _added().items()}
+    width = max(map(len, texts))
+    lines = [f"  semrl {name:<{width}}  {text}" for name, text in texts.items()]
     return "\n".join([
         "Neuro-symbolic reinforcement learning: from raw frames to an agent that can explain itself.",
         "",

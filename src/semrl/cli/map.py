@@ -9,9 +9,9 @@ import tyro
 
 from semrl.cli.arguments import parse
 from semrl.cli.progress import console, summary
-from semrl.ontology.description import MapDescription, describe
-from semrl.runs import LoadedMap, load_map
-from semrl.runs.files import require_writable, write_atomic
+from semrl.core.files import require_writable, write_atomic
+from semrl.evaluation import LoadedMap, load_map
+from semrl.knowledge.description import MapDescription, describe
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,14 +50,14 @@ def main(argv: Sequence[str]) -> None:
 
 
 def _check(path: Path) -> None:
-    from semrl.ontology.export import exporter
+    from semrl.knowledge.export import exporter
 
     exporter(path)
     require_writable(path)
 
 
 def _export(loaded: LoadedMap, path: Path) -> None:
-    from semrl.ontology.export import exporter
+    from semrl.knowledge.export import exporter
 
     written = exporter(path)(loaded.graph, loaded.action_names, loaded.rules)
     write_atomic(path, lambda file: file.write(written))

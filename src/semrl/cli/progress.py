@@ -21,8 +21,8 @@ from rich.progress import (
 from rich.table import Column, Table
 from rich.text import Text
 
-from semrl.runs import RunConfig
-from semrl.training import AGENT, Row, Trainer
+from semrl.training import RunConfig
+from semrl.training.trainer import AGENT, Row, Trainer
 
 console = Console()
 error_console = Console(stderr=True)

@@ -11,9 +11,9 @@ from rich.text import Text
 
 from semrl.cli.arguments import parse
 from semrl.cli.progress import console, error_console
-from semrl.ontology.asking import Answer, Limits, ask
-from semrl.ontology.knowledge import to_store
-from semrl.runs import load_map
+from semrl.evaluation import load_map
+from semrl.knowledge.queries import Answer, Limits, ask
+from semrl.knowledge.store import to_store
 
 
 @dataclass(frozen=True, kw_only=True)

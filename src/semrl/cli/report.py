@@ -9,11 +9,11 @@ import tyro
 
 from semrl.cli.arguments import parse
 from semrl.cli.progress import console, error_console, summary
-from semrl.errors import UsageError
+from semrl.core.errors import UsageError
+from semrl.evaluation.gallery import save_gallery
 from semrl.report import write_report
-from semrl.runs import RunConfig, RunFolder
-from semrl.runs.config import to_dict
-from semrl.runs.gallery import save_gallery
+from semrl.training import RunConfig, RunFolder
+from semrl.training.config import to_dict
 
 
 @dataclass(frozen=True, kw_only=True)

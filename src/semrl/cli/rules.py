@@ -10,8 +10,8 @@ import tyro
 
 from semrl.cli.arguments import parse
 from semrl.cli.progress import console
-from semrl.ontology.rules import sentence
-from semrl.runs.rules import load_rules
+from semrl.evaluation.rules import load_rules
+from semrl.world_model.rules import sentence
 
 
 @dataclass(frozen=True, kw_only=True)

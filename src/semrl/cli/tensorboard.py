@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import Any
 
-from semrl.errors import MissingExtraError
-from semrl.training import Row, Trainer
+from semrl.core.errors import MissingExtraError
+from semrl.training.trainer import Row, Trainer
 
 
 class TensorBoard:

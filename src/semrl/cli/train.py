@@ -13,10 +13,10 @@ import tyro
 
 from semrl.cli.arguments import parse
 from semrl.cli.progress import TrainingProgress, console, summary
-from semrl.errors import UsageError
-from semrl.runs import RunConfig, RunFolder, TrainResult, preset, train
-from semrl.runs.config import read_toml
-from semrl.training import Observer
+from semrl.core.errors import UsageError
+from semrl.training import RunConfig, RunFolder, TrainResult, preset, train
+from semrl.training.config import read_toml
+from semrl.training.trainer import Observer
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,8 +5,8 @@ from typing import Literal
 
 import numpy as np
 
-from semrl.errors import UsageError
-from semrl.types import Floats, Plan
+from semrl.core import Floats, Plan
+from semrl.core.errors import UsageError
 
 GoalPart = Literal["actions", "state", "reward"]
 

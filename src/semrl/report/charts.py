@@ -7,7 +7,7 @@ from markupsafe import Markup
 
 from semrl.report.record import Series
 from semrl.report.svg import STYLE, as_svg, label_axes, new_figure
-from semrl.runs.metrics import running_mean
+from semrl.training.metrics import running_mean
 
 RUN_COLOURS = ("#2f7fd8", "#d9822b", "#2c9c69", "#c9484b", "#8a63c9", "#1f9aa3", "#c2568f", "#8b8b2a")
 """A colour for each run, readable on white and on near-black; more runs begin again."""

@@ -4,13 +4,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from semrl.core.files import require_writable, write_text
+from semrl.evaluation.explanation import Explanation, Foresight
+from semrl.evaluation.sight import CLASS_COLOURS
 from semrl.report import telling
 from semrl.report.charts import RUN_COLOURS
 from semrl.report.scenes import css_colours, scene
 from semrl.report.templates import render_page
-from semrl.runs.explanation import Explanation, Foresight
-from semrl.runs.files import require_writable, write_text
-from semrl.runs.sight import CLASS_COLOURS
 
 
 def write_explanation(explanation: Explanation, out: Path) -> Path:

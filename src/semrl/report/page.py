@@ -9,12 +9,12 @@ from typing import Any
 
 from markupsafe import Markup
 
-from semrl.errors import UsageError
+from semrl.core.errors import UsageError
+from semrl.core.files import require_writable, write_text
 from semrl.report import scenes, wording
 from semrl.report.charts import RUN_COLOURS, foresight_path, learning_curve, stability_path
 from semrl.report.record import RunRecord, read_run
 from semrl.report.templates import render_page
-from semrl.runs.files import require_writable, write_text
 
 
 def write_report(runs: Sequence[Path], out: Path, *, defaults: Mapping[str, Any] | None = None) -> Path:

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semrl.arrays import Arrays
-from semrl.errors import SemrlError, UsageError
-from semrl.runs.files import read_arrays
-from semrl.runs.metrics import read_metrics
+from semrl.core.arrays import Arrays
+from semrl.core.errors import SemrlError, UsageError
+from semrl.core.files import read_arrays
+from semrl.training.metrics import read_metrics
 
 MAX_VIDEO_BYTES = 8_000_000
 """Longer videos stay beside the page instead of in it."""

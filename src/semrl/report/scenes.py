@@ -10,8 +10,8 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from semrl.arrays import Arrays, array_to_json, arrays_to_ragged, unnest
-from semrl.types import IMAGE_SIZE_PX, Ints
+from semrl.core import IMAGE_SIZE_PX, Ints
+from semrl.core.arrays import Arrays, array_to_json, arrays_to_ragged, unnest
 
 Palette = Sequence[str]
 """CSS colours of class 0, 1, …; later classes begin again."""

@@ -5,8 +5,8 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from itertools import groupby
 
+from semrl.evaluation.explanation import Explanation, Foresight, Hop, Told
 from semrl.report.wording import number
-from semrl.runs.explanation import Explanation, Foresight, Hop, Told
 
 _HOPS_SHOWN = 8
 _OTHERS_SHOWN = 3

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from semrl.report.record import RunRecord
-from semrl.runs.metrics import RUNNING_MEAN_EPISODES
+from semrl.training.metrics import RUNNING_MEAN_EPISODES
 
 SEES = {
     "grey": "The agent is shown the grey image as it is; nothing is detected.",

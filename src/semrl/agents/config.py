@@ -1,0 +1,99 @@
+"""Parameters of deep Q-learning."""
+
+import math
+from dataclasses import dataclass, field
+
+from semrl.agents.networks import NetworkConfig
+from semrl.core.errors import UsageError
+
+
+@dataclass(frozen=True, kw_only=True)
+class DQNConfig:
+    """Parameters of learning; the defaults are the thesis's (§3.3), else those of the DQN paper."""
+
+    exploration_decisions: float = 30_000.0
+    """Time constant of exploration's exponential decay: after so many decisions 1/e of its maximum is left."""
+    exploration_max: float = 1.0
+    """Probability of a random action at the beginning."""
+    exploration_min: float = 0.01
+    """Probability below which the decay does not fall."""
+    final_exploration: float = 1.0
+    """What is left of it at the end of the budget, as a share; it falls evenly through the second half.
+
+    The agent's own decisions are held against the whole budget: after perception it has not all of it to fall."""
+    heads: int = 1
+    """Estimates of the values side by side (bootstrapped DQN, Osband et al. 2016); one at a time is followed."""
+    head_decisions: int = 100
+    """Decisions after which the head to follow is drawn anew, on average; after a reward it always is."""
+    voting: float = 0.0
+    """Share of the decisions at the end of the budget that all of them together make, by their mean; it grows evenly
+    through the second half, as exploration falls."""
+    learning_rate: float = 1e-4
+    """Step size of Adam."""
+    final_learning_rate: float = 1.0
+    """What is left of it at the end of the budget, as a share; it falls as exploration does."""
+    adam_beta1: float = 0.99
+    """Adam's memory of gradients."""
+    adam_beta2: float = 0.999
+    """Adam's memory of squared gradients."""
+    adam_epsilon: float = 1e-8
+    """Added to Adam's denominator."""
+    batch_size: int = 32
+    """Transitions in one update."""
+    replay_capacity: int = 100_000
+    """Observations kept for replay."""
+    initial_buffer: int = 10_000
+    """Decisions gathered before the first update."""
+    discount: float = 0.99
+    """What a reward one decision later counts."""
+    decisions_per_update: int = 1
+    """Decisions between two updates."""
+    reward_share: float = 0.0
+    """Share of a batch that is drawn from the decisions shortly before rewards; the rest is uniform."""
+    n_steps: int = 1
+    """Decisions whose rewards are summed before the target network is asked."""
+    double: bool = False
+    """Choose the next action by the online network, value it by the target network (van Hasselt et al. 2016)."""
+    target_rate: float = 1.0
+    """Share of the online weights taken over at each renewal of the target network."""
+    target_updates: int = 1000
+    """Updates between two renewals of the target network."""
+    advice_margin: float = 0.0
+    """By how much the action that a planner advised should be worth more than others (Hester et al. 2018)."""
+    advice_weight: float = 0.0
+    """What falling short of that counts, beside the temporal difference."""
+    clip_rewards: bool = True
+    """Learn from the sign of the reward only."""
+    network: NetworkConfig = field(default_factory=NetworkConfig)
+    """Shape of the Q-network."""
+
+    def __post_init__(self) -> None:
+        for name in _COUNTS:
+            if getattr(self, name) < 1:
+                raise UsageError(f"agent.{name} must be 1 or more, not {getattr(self, name)}")
+        for name in _SHARES:
+            if not 0 <= getattr(self, name) <= 1:
+                raise UsageError(f"agent.{name} must lie between 0 and 1, not {getattr(self, name)}")
+        for name in ("adam_beta1", "adam_beta2"):
+            if not 0 <= getattr(self, name) < 1:
+                raise UsageError(f"agent.{name} must be 0 or more and below 1, not {getattr(self, name)}")
+        for name in _POSITIVE:
+            if not 0 < getattr(self, name) < math.inf:
+                raise UsageError(f"agent.{name} must be above 0, not {getattr(self, name)}")
+        if not (0 <= self.advice_margin < math.inf and 0 <= self.advice_weight < math.inf):
+            raise UsageError("agent.advice_margin and agent.advice_weight must be 0 or more")
+        if self.exploration_min > self.exploration_max:
+            raise UsageError("agent.exploration_min must not exceed agent.exploration_max")
+        if self.replay_capacity <= self.n_steps:
+            raise UsageError(f"agent.replay_capacity must exceed agent.n_steps, {self.n_steps}")
+
+
+_COUNTS = (
+    "heads", "head_decisions", "batch_size", "initial_buffer", "decisions_per_update", "n_steps",
+    "target_updates",
+)  # fmt: skip
+_SHARES = (
+    "exploration_min", "exploration_max", "final_exploration", "voting", "final_learning_rate", "discount",
+    "reward_share", "target_rate",
+)  # fmt: skip
+_POSITIVE = ("exploration_decisions", "learning_rate", "adam_epsilon", "target_rate")

@@ -1,0 +1,263 @@
+"""Deep Q-learning (§3.3; Mnih et al. 2015), with the additions that proved worth it here."""
+
+import math
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import DTypeLike, NDArray
+from torch import Tensor
+from torch.nn import functional
+
+from semrl.agents.config import DQNConfig
+from semrl.agents.networks import build_network
+from semrl.agents.replay import Batch, ReplayBuffer
+from semrl.core import Ints
+from semrl.core.arrays import Arrays, array_to_rng, nest, rng_to_array, unnest
+from semrl.core.errors import SemrlError
+
+
+class DQN:
+    """An agent that learns action values by deep Q-learning.
+
+    Parameters
+    ----------
+    config
+        Parameters of learning.
+    shape, dtype
+        Of one observation: ``(84, 84)`` uint8 or ``(d,)`` float32.
+    n_actions
+        Number of actions.
+    seed
+        Of weights, exploration and replay.
+    goal_size
+        How many numbers at the end of an observation are a goal (§3.4.4).
+    budget
+        Decisions in all, by which learning rate and exploration fall late; when None, they do not.
+    """
+
+    def __init__(
+        self,
+        config: DQNConfig,
+        shape: tuple[int, ...],
+        dtype: DTypeLike,
+        n_actions: int,
+        *,
+        seed: int,
+        goal_size: int = 0,
+        budget: int | None = None,
+    ) -> None:
+        self.config = config
+        self.n_actions = n_actions
+        self.budget = budget
+        self.replay = ReplayBuffer(config.replay_capacity, shape, dtype)
+        n_values = n_actions * config.heads
+        self.network, self.target = (
+            build_network(shape, n_values, config.network, seed=seed, goal_size=goal_size) for _ in range(2)
+        )
+        self.optimiser = torch.optim.Adam(
+            self.network.parameters(),
+            lr=config.learning_rate,
+            betas=(config.adam_beta1, config.adam_beta2),
+            eps=config.adam_epsilon,
+            fused=len(shape) == 1,  # twice as fast for small networks, slower for convolutions
+        )
+        self._rng = np.random.default_rng(seed)
+        self._head = 0  # which is followed
+        self.decisions_ = 0
+        self.updates_ = 0
+        self.loss_ = float("nan")
+
+    @property
+    def exploration(self) -> float:
+        """Probability that the next action is random: exponential decay from the maximum, down to the minimum."""
+        c = self.config
+        decayed = c.exploration_max * math.exp(-self.decisions_ / c.exploration_decisions)
+        return max(c.exploration_min, decayed) * self._late(c.final_exploration)
+
+    @property
+    def learning_rate(self) -> float:
+        """Step size of the next update."""
+        return self.config.learning_rate * self._late(self.config.final_learning_rate)
+
+    def _late(self, final: float) -> float:
+        """Return what is left now of something of which a share is left at the end of the budget."""
+        late = 0.0 if self.budget is None else max(0.0, 2 * min(1.0, self.decisions_ / self.budget) - 1)
+        return 1 - late * (1 - final)
+
+    def act(self, state: NDArray[Any], advised: int | None = None) -> int:
+        """Choose an action for ``(2, *shape)``, the current and the previous observation: ε-greedy.
+
+        Advice, where there is any, is followed in place of the values.
+        """
+        if self._rng.random() < self.exploration:
+            return int(self._rng.integers(self.n_actions))
+        if advised is not None:
+            return advised
+        values = self._head_values(state[None])[0]
+        share = self.config.voting * (1 - self._late(0.0))
+        followed = values.mean(axis=0) if share and self._rng.random() < share else values[self._head]
+        return int(followed.argmax())
+
+    def best_action(self, state: NDArray[Any]) -> int:
+        """Return the action of the highest value in a state, ``(2, *shape)``."""
+        return int(self.action_values(state[None])[0].argmax())
+
+    def action_values(self, states: NDArray[Any]) -> NDArray[np.float32]:
+        """Return the estimated values of all actions, ``(b, n_actions)``, for ``(b, 2, *shape)``: the heads' mean."""
+        return np.asarray(self._head_values(states).mean(axis=1))
+
+    def observe(
+        self,
+        observation: NDArray[Any],
+        action: int,
+        reward: float,
+        *,
+        terminated: bool,
+        start: bool,
+        advised: int | None = None,
+    ) -> None:
+        """Remember one decision, and what a planner would have done, and, when it is time, learn."""
+        c = self.config
+        reward = float(np.sign(reward)) if c.clip_rewards else reward
+        self.replay.add(observation, action, reward, terminated=terminated, start=start, advised=advised)
+        self.decisions_ += 1
+        if reward or self._rng.random() * c.head_decisions < 1:
+            self._head = int(self._rng.integers(c.heads))
+        if self.decisions_ == c.initial_buffer and c.network.normalise_input:
+            states = torch.from_numpy(self.replay.latest(c.initial_buffer))
+            for network in (self.network, self.target):
+                network[0].fit(states)  # type: ignore[operator]
+        if self.decisions_ >= c.initial_buffer and self.decisions_ % c.decisions_per_update == 0:
+            self.update(self._sample())
+
+    def end_episode(self, observation: NDArray[Any]) -> None:
+        """Remember the last observation of an episode."""
+        self.replay.end_episode(observation)
+
+    def update(self, batch: Batch) -> None:
+        """Take one gradient step on a batch (eq. 2.1 with the squared error clipped to linear beyond 1).
+
+        Raises
+        ------
+        SemrlError
+            When the loss is not a number.
+        """
+        values = self._per_head(self.network(torch.from_numpy(batch.states)))
+        taken = self._of_actions(values, batch.actions)
+        loss = functional.smooth_l1_loss(taken, self._targets(batch))
+        if self.config.advice_weight:
+            loss = loss + self.config.advice_weight * self._advice_missed(values, batch.advised)
+        self.loss_ = float(loss.detach())
+        if not np.isfinite(self.loss_):
+            raise SemrlError(
+                f"the loss is {self.loss_} after {self.updates_} updates: learning has diverged; "
+                "try a smaller --agent.learning-rate"
+            )
+        for group in self.optimiser.param_groups:
+            group["lr"] = self.learning_rate
+        self.optimiser.zero_grad(set_to_none=True)
+        loss.backward()  # type: ignore[no-untyped-call]
+        self.optimiser.step()
+        self.updates_ += 1
+        if self.updates_ % self.config.target_updates == 0:
+            self._renew_target()
+
+    def to_arrays(self) -> Arrays:
+        """Return weights, optimiser, replay, counters and the random generator."""
+        return {
+            **nest(
+                network=_module_arrays(self.network),
+                target=_module_arrays(self.target),
+                optimiser=self._optimiser_arrays(),
+                replay=self.replay.to_arrays(),
+            ),
+            "rng": rng_to_array(self._rng),
+            "counters": np.array([self.decisions_, self.updates_]),
+            "head": np.array(self._head),
+            "loss": np.array(self.loss_),
+        }
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on exactly where `to_arrays` was called."""
+        self.load_network(unnest(arrays, "network"))
+        _load_module(self.target, unnest(arrays, "target"))
+        self._load_optimiser(unnest(arrays, "optimiser"))
+        self.replay.from_arrays(unnest(arrays, "replay"))
+        self._rng = array_to_rng(arrays["rng"])
+        self.decisions_, self.updates_ = (int(n) for n in arrays["counters"])
+        self._head = int(arrays["head"])
+        self.loss_ = float(arrays["loss"])
+
+    def load_network(self, arrays: Arrays) -> None:
+        """Take over the weights of the Q-network alone; enough to play."""
+        _load_module(self.network, arrays)
+
+    def _sample(self) -> Batch:
+        c = self.config
+        return self.replay.sample(
+            self._rng,
+            c.batch_size,
+            n_steps=c.n_steps,
+            discount=c.discount,
+            reward_share=c.reward_share,
+        )
+
+    def _targets(self, batch: Batch) -> Tensor:
+        with torch.no_grad():
+            next_states = torch.from_numpy(batch.next_states)
+            next_values = self._per_head(self.target(next_states))
+            if self.config.double:
+                best = self._per_head(self.network(next_states)).argmax(dim=2, keepdim=True)
+                value = next_values.gather(2, best)[:, :, 0]
+            else:
+                value = next_values.amax(dim=2)
+            returns, discounts = torch.from_numpy(batch.returns), torch.from_numpy(batch.discounts)
+            targets: Tensor = returns[:, None] + discounts[:, None] * value  # (b, heads)
+        return targets
+
+    def _of_actions(self, values: Tensor, actions: Ints) -> Tensor:
+        """Return the values of ``(b,)`` actions, ``(b, heads)``, of ``(b, heads, n_actions)``."""
+        return values.gather(2, torch.from_numpy(actions)[:, None, None].expand(-1, self.config.heads, 1))[:, :, 0]
+
+    def _advice_missed(self, values: Tensor, advised: Ints) -> Tensor:
+        """Return by how much advised actions fall short of the margin over all others, on average."""
+        given = np.flatnonzero(advised >= 0)
+        if not len(given):
+            return values.new_zeros(())
+        values, advice = values[torch.from_numpy(given)], advised[given]
+        margins = torch.full((len(given), 1, self.n_actions), self.config.advice_margin)
+        margins[torch.arange(len(given)), 0, torch.from_numpy(advice)] = 0.0
+        return ((values + margins).amax(dim=2) - self._of_actions(values, advice)).mean()
+
+    def _per_head(self, values: Tensor) -> Tensor:
+        """View the network's output as ``(b, heads, n_actions)``."""
+        return values.view(len(values), self.config.heads, self.n_actions)
+
+    def _head_values(self, states: NDArray[Any]) -> NDArray[np.float32]:
+        with torch.inference_mode():
+            return np.asarray(self._per_head(self.network(torch.from_numpy(states))).numpy(), dtype=np.float32)
+
+    def _renew_target(self) -> None:
+        with torch.no_grad():
+            for old, new in zip(self.target.parameters(), self.network.parameters(), strict=True):
+                old.lerp_(new, self.config.target_rate)
+
+    def _optimiser_arrays(self) -> Arrays:
+        state = self.optimiser.state_dict()["state"]
+        return {f"{i}/{name}": value.numpy() for i, moments in state.items() for name, value in moments.items()}
+
+    def _load_optimiser(self, arrays: Arrays) -> None:
+        whole = self.optimiser.state_dict() | {"state": {}}
+        for key, value in arrays.items():
+            i, name = key.split("/")
+            whole["state"].setdefault(int(i), {})[name] = torch.from_numpy(value.copy())
+        self.optimiser.load_state_dict(whole)
+
+
+def _module_arrays(module: torch.nn.Module) -> Arrays:
+    return {name: value.numpy() for name, value in module.state_dict().items()}
+
+
+def _load_module(module: torch.nn.Module, arrays: Arrays) -> None:
+    module.load_state_dict({name: torch.from_numpy(value.copy()) for name, value in arrays.items()})

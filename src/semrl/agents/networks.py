@@ -1,0 +1,151 @@
+"""The networks of the agent (Fig. 3.8): convolutions for images, a dense layer alone for vectors."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from semrl.core.errors import UsageError
+
+MAX_FREQUENCIES = 16
+
+
+@dataclass(frozen=True, kw_only=True)
+class NetworkConfig:
+    """Shape of the Q-network."""
+
+    hidden_units: tuple[int, ...] = (256,)
+    """Width of each dense layer."""
+    layer_norm: bool = False
+    """Normalise each dense layer before its activation (Ba et al. 2016)."""
+    normalise_input: bool = False
+    """Bring each number of a vector to mean 0 and standard deviation 1, as measured on the initial buffer."""
+    frequencies: int = 0
+    """Show each number of a vector as sines and cosines as well, of so many frequencies, each twice the one before."""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.frequencies <= MAX_FREQUENCIES:
+            raise UsageError(f"agent.network.frequencies must lie in 0 … {MAX_FREQUENCIES}, not {self.frequencies}")
+        if any(units < 1 for units in self.hidden_units):
+            raise UsageError(f"agent.network.hidden_units must all be 1 or more, not {self.hidden_units}")
+
+
+LEAST_DEVIATION = 0.5
+"""Smallest deviation that is divided by, as a share of the root mean square over all numbers of its kind."""
+
+
+class StateInput(nn.Module):
+    """Turn (current, previous) observations into (current, difference), §3.3.
+
+    Bytes are divided by 255. Vectors may be normalised; mean and scale are set once, by `fit`. A goal at the end
+    of a vector stays as it is, since there may be none yet when `fit` is called; it only counts, as the numbers it then
+    is, towards the least deviation. It has no difference: 0 stands in its place.
+    """
+
+    def __init__(self, shape: tuple[int, ...], *, is_image: bool, goal_size: int = 0) -> None:
+        super().__init__()
+        self.is_image = is_image
+        self.goal_size = goal_size
+        self.unit = 1 / 255 if is_image else 1.0
+        size = () if is_image else (2, *shape)
+        self.mean: Tensor
+        self.scale: Tensor
+        self.register_buffer("mean", torch.zeros(size))
+        self.register_buffer("scale", torch.ones(size))
+
+    def fit(self, states: Tensor) -> None:
+        """Measure mean and standard deviation of every number of the states, ``(b, 2, d)``; images stay as they are."""
+        if self.is_image:
+            return
+        x = self._differences(states)
+        self.mean.copy_(x.mean(dim=0))
+        deviation = x.std(dim=0, correction=0)  # (2, d)
+        # What hardly varied in the sample may vary later: dividing by almost nothing would blow it up.
+        least = LEAST_DEVIATION * deviation.square().mean(dim=1, keepdim=True).sqrt()
+        deviation = torch.maximum(deviation, least)
+        self.scale.copy_(torch.where(deviation > 0, 1 / deviation, torch.ones_like(deviation)))
+        if self.goal_size:
+            self.mean[:, -self.goal_size :] = 0
+            self.scale[:, -self.goal_size :] = 1
+
+    def forward(self, states: Tensor) -> Tensor:
+        """Map ``(b, 2, *shape)`` of bytes or floats to ``(b, 2, *shape)`` float32."""
+        return (self._differences(states) - self.mean) * self.scale
+
+    def _differences(self, states: Tensor) -> Tensor:
+        x = states.float() * self.unit
+        x = torch.stack([x[:, 0], x[:, 0] - x[:, 1]], dim=1)
+        if self.goal_size:
+            x[:, 1, -self.goal_size :] = 0
+        return x
+
+
+class FourierFeatures(nn.Module):
+    """Append sines and cosines of a state and its difference, at doubling frequencies from 1 radian a unit on.
+
+    Dense layers learn slowly what changes fast with a coordinate; of these features it is a smooth function
+    (Tancik et al., "Fourier features let networks learn high frequency functions in low dimensional domains",
+    NeurIPS 2020). A goal at the end of a vector is only passed on.
+    """
+
+    def __init__(self, frequencies: int, goal_size: int = 0) -> None:
+        super().__init__()
+        self.goal_size = goal_size
+        self.factors: Tensor
+        self.register_buffer("factors", 2.0 ** torch.arange(frequencies), persistent=False)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Map ``(b, 2, d)`` to ``(b, 2 * d + 4 * (d - goal_size) * frequencies)``."""
+        angles = (x[:, :, : x.shape[2] - self.goal_size, None] * self.factors).flatten(1)
+        return torch.cat([x.flatten(1), angles.sin(), angles.cos()], dim=1)
+
+
+def build_network(
+    shape: tuple[int, ...], n_actions: int, config: NetworkConfig, *, seed: int, goal_size: int = 0
+) -> nn.Sequential:
+    """Make the Q-network for observations of a shape.
+
+    Parameters
+    ----------
+    shape
+        ``(84, 84)`` for images, ``(d,)`` for vectors.
+    n_actions
+        Number of outputs.
+    config
+        Its shape.
+    seed
+        Of the initial weights; PyTorch's global generator stays as it was.
+    goal_size
+        How many numbers at the end of a vector are a goal.
+    """
+    is_image = len(shape) > 1
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        body, width = _convolutions() if is_image else _flat(shape[0], config.frequencies, goal_size)
+        dense: list[nn.Module] = []
+        for units in config.hidden_units:
+            dense += [nn.Linear(width, units)]
+            dense += [nn.LayerNorm(units)] if config.layer_norm else []
+            dense += [nn.ReLU()]
+            width = units
+        return nn.Sequential(
+            StateInput(shape, is_image=is_image, goal_size=goal_size), *body, *dense, nn.Linear(width, n_actions)
+        )
+
+
+def _flat(size: int, frequencies: int, goal_size: int) -> tuple[list[nn.Module], int]:
+    """Return the layer that lays a vector and its difference out, and the number of values it gives."""
+    if not frequencies:
+        return [nn.Flatten()], 2 * size
+    return [FourierFeatures(frequencies, goal_size)], 2 * size + 4 * (size - goal_size) * frequencies
+
+
+def _convolutions() -> tuple[list[nn.Module], int]:
+    """Return the three convolutions of Fig. 3.8 and the number of values they give."""
+    layers = [
+        nn.Conv2d(2, 32, 8, stride=4), nn.ReLU(),  # 84 → 20
+        nn.Conv2d(32, 64, 8, stride=4), nn.ReLU(),  # 20 → 4
+        nn.Conv2d(64, 64, 3, stride=1), nn.ReLU(),  # 4 → 2
+        nn.Flatten(),
+    ]  # fmt: skip
+    return layers, 2 * 2 * 64

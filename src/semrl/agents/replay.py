@@ -1,0 +1,195 @@
+"""The replay buffer: every observation is stored once, whatever is computed from it."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from semrl.core import Ints
+from semrl.core.arrays import Arrays
+from semrl.core.errors import DataError
+
+REWARD_WINDOW = 64
+"""Decisions before a reward that count as having led to it."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Batch:
+    """Sampled n-step transitions.
+
+    A state is the current and the previous observation, ``(b, 2, *shape)``: the agent sees the first
+    and their difference (Fig. 3.8).
+
+    Attributes
+    ----------
+    states, next_states
+        ``(b, 2, *shape)`` of the observations' dtype.
+    actions
+        ``(b,)`` int64.
+    returns
+        ``(b,)`` float32, discounted rewards of up to n steps.
+    discounts
+        ``(b,)`` float32, what the value of the next state counts: γ to the number of steps, 0 after the end.
+    advised
+        ``(b,)`` int64, the actions that a planner proposed; −1 where there was no advice.
+    """
+
+    states: NDArray[Any]
+    actions: Ints
+    returns: NDArray[np.float32]
+    next_states: NDArray[Any]
+    discounts: NDArray[np.float32]
+    advised: Ints
+
+
+class ReplayBuffer:
+    """A ring of observations with the action, reward and end that followed each.
+
+    The last observation of an episode is an entry as well, without an action: so a time limit can
+    bootstrap from it, and every transition's next observation is the entry after it.
+
+    Parameters
+    ----------
+    capacity
+        Number of entries.
+    shape, dtype
+        Of one observation.
+    """
+
+    def __init__(self, capacity: int, shape: tuple[int, ...], dtype: DTypeLike) -> None:
+        self.capacity = capacity
+        self._observations = np.zeros((capacity, *shape), dtype=dtype)
+        self._actions = np.full(capacity, -1, dtype=np.int16)  # −1: the end of an episode
+        self._advised = np.full(capacity, -1, dtype=np.int16)  # −1: no advice
+        self._rewards = np.zeros(capacity, dtype=np.float32)
+        self._terminated = np.zeros(capacity, dtype=np.bool_)
+        self._starts = np.zeros(capacity, dtype=np.bool_)
+        self._count = 0  # entries ever written
+
+    def __len__(self) -> int:
+        return min(self._count, self.capacity)
+
+    def add(
+        self,
+        observation: NDArray[Any],
+        action: int,
+        reward: float,
+        *,
+        terminated: bool,
+        start: bool,
+        advised: int | None = None,
+    ) -> None:
+        """Store an observation and what followed it; ``start`` marks the first of an episode."""
+        i = self._count % self.capacity
+        self._observations[i] = observation
+        self._actions[i] = action
+        self._advised[i] = -1 if advised is None else advised
+        self._rewards[i] = reward
+        self._terminated[i] = terminated
+        self._starts[i] = start
+        self._count += 1
+
+    def end_episode(self, observation: NDArray[Any]) -> None:
+        """Store the last observation of an episode, after which no action was taken."""
+        self.add(observation, -1, 0.0, terminated=False, start=False)
+
+    def sample(
+        self,
+        rng: np.random.Generator,
+        size: int,
+        *,
+        n_steps: int,
+        discount: float,
+        reward_share: float = 0.0,
+    ) -> Batch:
+        """Draw transitions uniformly, with replacement; a share of them only from shortly before a reward.
+
+        Returns over n steps (Sutton 1988) stop at the end of the episode and at the newest entry.
+        """
+        newest = self._count - 1
+        oldest = max(0, self._count - self.capacity)
+        ticks = self._draw(rng, size, oldest, newest)
+        self._draw_rewarded(rng, ticks[: round(size * reward_share)], oldest, newest)
+        steps = ticks[:, None] + np.arange(n_steps)  # (b, n)
+        entries = np.minimum(steps, newest) % self.capacity
+        # A step counts while it has an action and nothing ended before it.
+        alive = (steps < newest) & (self._actions[entries] >= 0)
+        alive[:, 1:] &= ~self._terminated[entries[:, :-1]]
+        alive = np.logical_and.accumulate(alive, axis=1)
+        gammas = np.float32(discount) ** np.arange(n_steps + 1, dtype=np.float32)
+        lengths = alive.sum(axis=1)
+        ended = (self._terminated[entries] & alive).any(axis=1)
+        next_ticks = np.where(ended, ticks, ticks + lengths)  # after the end any entry will do: it counts 0
+        return Batch(
+            states=self._stack(ticks, oldest),
+            actions=self._actions[ticks % self.capacity].astype(np.int64),
+            returns=(self._rewards[entries] * alive * gammas[:-1]).sum(axis=1, dtype=np.float32),
+            next_states=self._stack(next_ticks, oldest),
+            discounts=np.where(ended, np.float32(0), gammas[lengths]),
+            advised=self._advised[ticks % self.capacity].astype(np.int64),
+        )
+
+    def latest(self, count: int) -> NDArray[Any]:
+        """Return the states of the newest entries, ``(≤ count, 2, *shape)``, oldest first."""
+        oldest = max(0, self._count - self.capacity)
+        return self._stack(np.arange(max(oldest, self._count - count), self._count), oldest)
+
+    def to_arrays(self) -> Arrays:
+        """Return the filled part of the ring: views that the next `add` may change."""
+        n = len(self)
+        return {
+            "observations": self._observations[:n],
+            "actions": self._actions[:n],
+            "advised": self._advised[:n],
+            "rewards": self._rewards[:n],
+            "terminated": self._terminated[:n],
+            "starts": self._starts[:n],
+            "count": np.array(self._count),
+        }
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Take over a ring of the same capacity and shape; a full one is not copied."""
+        self._observations, self._actions, self._advised, self._rewards, self._terminated, self._starts = (
+            _extended(arrays[name], self.capacity)
+            for name in ("observations", "actions", "advised", "rewards", "terminated", "starts")
+        )
+        self._count = int(arrays["count"])
+
+    def _draw(self, rng: np.random.Generator, size: int, oldest: int, newest: int) -> Ints:
+        """Draw entries that have an action and a successor."""
+        if newest <= oldest:
+            raise DataError("nothing to replay yet: the buffer needs an observation and the one after it")
+        ticks = rng.integers(oldest, newest, size)
+        while (bad := self._actions[ticks % self.capacity] < 0).any():
+            ticks[bad] = rng.integers(oldest, newest, int(bad.sum()))
+        return ticks
+
+    def _draw_rewarded(self, rng: np.random.Generator, ticks: Ints, oldest: int, newest: int) -> None:
+        """Replace drawn entries by such as lie at most `REWARD_WINDOW` before a reward, where there are any.
+
+        Gains and losses are drawn equally often, however rare one of them is.
+        """
+        kinds = [np.flatnonzero(self._rewards > 0), np.flatnonzero(self._rewards < 0)]
+        kinds = [kind for kind in kinds if len(kind)]
+        for kind, part in zip(kinds, np.array_split(ticks, len(kinds) or 1), strict=False):
+            rewarded = newest - (newest - kind) % self.capacity  # entry → tick
+            drawn = rng.choice(rewarded, len(part)) - rng.integers(REWARD_WINDOW, size=len(part))
+            fit = (drawn >= oldest) & (drawn < newest) & (self._actions[drawn % self.capacity] >= 0)
+            part[fit] = drawn[fit]
+
+    def _stack(self, ticks: Ints, oldest: int) -> NDArray[Any]:
+        """Put each observation beside the one before it; beside itself at the start of an episode."""
+        entries = ticks % self.capacity
+        first = self._starts[entries] | (ticks == oldest)
+        before = np.where(first, ticks, ticks - 1) % self.capacity
+        return np.stack([self._observations[entries], self._observations[before]], axis=1)
+
+
+def _extended(array: NDArray[Any], length: int) -> NDArray[Any]:
+    """Return the rows of an array with room for more; the same memory where it is nobody else's."""
+    if array.flags.owndata and array.flags.writeable and len(array) == length:
+        return array  # images for 100,000 decisions take 700 MB: not twice
+    extended = np.zeros((length, *array.shape[1:]), dtype=array.dtype)
+    extended[: len(array)] = array
+    return extended

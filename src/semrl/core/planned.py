@@ -1,0 +1,220 @@
+"""What the lower line makes of play: episodes, the map, what might come, the plan."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.core.named import NO_ACTION, Floats, Ints
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Trajectory:
+    """One episode as the lower line learns from it (§3.4.4).
+
+    Attributes
+    ----------
+    states
+        ``(t + 1, d)`` float32, from the first state to the one after the last decision.
+    actions
+        ``(t,)`` int64.
+    rewards
+        ``(t,)`` float32.
+    """
+
+    states: Floats
+    actions: Ints
+    rewards: Floats
+
+    def __len__(self) -> int:
+        return len(self.actions)
+
+    @property
+    def transitions(self) -> "Transitions":
+        """Every decision on its own; the state before the first one is that one."""
+        return Transitions(
+            states=self.states[:-1],
+            previous=np.concatenate([self.states[:1], self.states[:-2]])[: len(self)],
+            actions=self.actions,
+            rewards=self.rewards,
+            next_states=self.states[1:],
+        )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Transitions:
+    """Decisions, each on its own: what the models of §3.4.3 learn from.
+
+    Attributes
+    ----------
+    states, previous, next_states
+        ``(t, d)`` float32: the state in which the decision was taken, the one before and the one after it.
+    actions
+        ``(t,)`` int64.
+    rewards
+        ``(t,)`` float32.
+    """
+
+    states: Floats
+    previous: Floats
+    actions: Ints
+    rewards: Floats
+    next_states: Floats
+
+    def __len__(self) -> int:
+        return len(self.actions)
+
+    def take(self, places: Ints) -> "Transitions":
+        """Return those at the given places, in that order."""
+        return Transitions(
+            states=self.states[places],
+            previous=self.previous[places],
+            actions=self.actions[places],
+            rewards=self.rewards[places],
+            next_states=self.next_states[places],
+        )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MapGraph:
+    """The state map at one moment (§3.4.1): nodes are clusters of states, edges clusters of transitions.
+
+    Several edges may join the same two nodes, and an edge may lead back to where it starts.
+
+    Attributes
+    ----------
+    node_ids
+        ``(n,)`` int64, ascending; an id stays with its node as the map grows.
+    node_means
+        ``(n, d)`` float64, centroids.
+    node_counts
+        ``(n,)`` int64, states that each node stands for.
+    edge_ids
+        ``(m,)`` int64, ascending; stable like those of nodes.
+    sources, targets
+        ``(m,)`` int64, positions of the nodes in the arrays above (not their ids).
+    edge_counts
+        ``(m,)`` int64, transitions that each edge stands for.
+    rewards
+        ``(m,)`` float64, mean reward.
+    actions
+        ``(m, n_actions)`` float64, share of each action among the transitions; rows sum to 1.
+    """
+
+    node_ids: Ints
+    node_means: NDArray[np.float64]
+    node_counts: Ints
+    edge_ids: Ints
+    sources: Ints
+    targets: Ints
+    edge_counts: Ints
+    rewards: NDArray[np.float64]
+    actions: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.node_ids)
+
+    @property
+    def reward_signs(self) -> Ints:
+        """Kind of each edge, ``(m,)`` of −1, 0, 1: the mean reward rounded to the nearest of them, halves outwards."""
+        return (np.sign(self.rewards) * (np.abs(self.rewards) >= 0.5)).astype(np.int64)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Moment:
+    """Where a plan begins: the present state and what led to it.
+
+    Attributes
+    ----------
+    states
+        ``(h, d)`` float32, the newest first; the first ones of an episode have fewer.
+    actions
+        ``(p,)`` int64, the newest first, likewise.
+    number
+        Decisions of the episode so far.
+    proposed
+        ``(t,)`` int64, the actions that the plan before proposed from here on; empty where there was none.
+    """
+
+    states: Floats
+    actions: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
+    number: int = 0
+    proposed: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    def window(self, count: int) -> Floats:
+        """Return the newest states, ``(count, d)``; before the first one known it is taken to have been the same."""
+        return self.states[np.minimum(np.arange(count), len(self.states) - 1)]
+
+    def recent(self, count: int) -> Floats:
+        """Return the newest actions, ``(count,)`` float32; −1 before the first one known."""
+        padded = np.full(count, NO_ACTION, np.float32)
+        known = self.actions[:count]
+        padded[: len(known)] = known
+        return padded
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Scenarios:
+    """What might come: sequences of actions rolled forward through the models (§3.4.3).
+
+    Attributes
+    ----------
+    actions
+        ``(s, t)`` int64.
+    states
+        ``(s, t, d)`` float32, the state that each action is predicted to lead to.
+    rewards
+        ``(s, t)`` float32, the predicted sign of each action's reward; where several models are asked, their mean.
+    values
+        ``(s,)`` float32, the discounted return that is expected beyond the last state; 0 where none is.
+    doubts
+        ``(s,)`` float32, standard deviation of the discounted return among the models that were asked; None where
+        there is only one.
+    """
+
+    actions: Ints
+    states: Floats
+    rewards: Floats
+    values: Floats
+    doubts: Floats | None = None
+
+    def __len__(self) -> int:
+        return len(self.actions)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Plan:
+    """What the planner proposes in one state, and why (§3.4.4).
+
+    Attributes
+    ----------
+    node
+        Position of the state's node in the map, or −1 where there is no map yet.
+    path
+        ``(p,)`` int64, positions of nodes from this one to one with a positive edge; empty where none is known.
+    scenarios
+        All of them, the best first.
+    returns
+        ``(s,)`` float64, predicted return of each, less what the doubt about it counts.
+    end_nodes
+        ``(s,)`` int64, position of the node each ends in, or −1 where there is no map yet.
+    progress
+        ``(s,)`` int64, how far along the path that node lies, or −1 off the path.
+    seeks_novelty
+        Whether no reward was ever met, so that scenarios with the same return were sorted by how far from all that is
+        known they end.
+    """
+
+    node: int
+    path: Ints
+    scenarios: Scenarios
+    returns: NDArray[np.float64]
+    end_nodes: Ints
+    progress: Ints
+    seeks_novelty: bool = False
+
+    @property
+    def actions(self) -> Ints:
+        """The actions of the best scenario, ``(t,)`` int64."""
+        best: Ints = self.scenarios.actions[0]
+        return best

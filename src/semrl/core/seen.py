@@ -1,0 +1,140 @@
+"""What the upper line makes of a frame: observations, objects, tracks, scenes."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.core.named import Floats, Frame, Ints
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Observation:
+    """What the environment shows at one decision: the frame and, for Atari games, the RAM."""
+
+    frame: Frame
+    ram: NDArray[np.uint8] | None = None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Outcome:
+    """What one decision led to."""
+
+    observation: Observation
+    reward: float
+    terminated: bool
+    truncated: bool
+
+    @property
+    def done(self) -> bool:
+        """Whether the episode is over, for whichever reason."""
+        return self.terminated or self.truncated
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Objects:
+    """The objects of one frame (§3.2.1), component by component, the pieces of one from left to right.
+
+    Attributes
+    ----------
+    crops
+        ``(n, 8, 8)`` float32 in 0 … 1: each object centred in a window of its own, background 0.
+    centres_px
+        ``(n, 2)`` float32, row and column of the centre of the bounding box (where they are found at full
+        resolution: the mean of the pixels).
+    boxes_px
+        ``(n, 4)`` int64: top, left, height, width.
+    labels
+        ``(84, 84)`` int32: 0 for the background, ``i + 1`` for the pixels of object ``i``.
+    """
+
+    crops: Floats
+    centres_px: Floats
+    boxes_px: Ints
+    labels: NDArray[np.int32]
+
+    def __len__(self) -> int:
+        return len(self.crops)
+
+    @property
+    def features(self) -> Floats:
+        """The crops as rows, ``(n, 64)``."""
+        return self.crops.reshape(len(self.crops), math.prod(self.crops.shape[1:]))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Tracks:
+    """Objects through time, as of one decision: those that are seen and those that were seen shortly before.
+
+    Attributes
+    ----------
+    ids
+        ``(n,)`` int64, ascending: the identity of each, never given twice in an episode.
+    classes
+        ``(n,)`` int64, class number when last seen.
+    features
+        ``(n, k)`` float32, reduced appearance when last seen.
+    centres_px
+        ``(n, 2)`` float32, row and column; of what is not seen, where it would be if it went on.
+    boxes_px
+        ``(n, 4)`` int64: top, left, height, width when last seen.
+    velocities_px
+        ``(n, 2)`` float32, rows and columns a decision.
+    ages
+        ``(n,)`` int64, decisions since it was first seen.
+    unseen
+        ``(n,)`` int64, decisions since it was last seen; 0 for what is seen.
+    moves
+        ``(n,)`` int64, decisions at which it was seen in another place than before.
+    roles
+        ``(n,)`` int64, the role that each has (`semrl.perception.tracking.Roles`); −1 for none.
+    born
+        ``()`` int64, how many there were so far in the episode: the next identity.
+    """
+
+    ids: Ints
+    classes: Ints
+    features: Floats
+    centres_px: Floats
+    boxes_px: Ints
+    velocities_px: Floats
+    ages: Ints
+    unseen: Ints
+    moves: Ints
+    roles: Ints
+    born: Ints
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    @property
+    def visible(self) -> NDArray[np.bool_]:
+        """Whether each is seen, ``(n,)``."""
+        seen: NDArray[np.bool_] = self.unseen == 0
+        return seen
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SceneGraph:
+    """One frame as a graph (§3.2.3): objects are nodes, close objects are joined.
+
+    Attributes
+    ----------
+    classes
+        ``(n,)`` int64, the class number of each object.
+    centres_px
+        ``(n, 2)`` float32, row and column.
+    edges
+        ``(m, 2)`` int64, each pair of joined nodes once, smaller index first.
+    lengths_px
+        ``(m,)`` float32, the Euclidean distance of the two centres.
+    """
+
+    classes: Ints
+    centres_px: Floats
+    edges: Ints
+    lengths_px: Floats
+
+    def __len__(self) -> int:
+        return len(self.classes)

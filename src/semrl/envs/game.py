@@ -1,0 +1,108 @@
+"""One game being played, as a thing that can be saved at any decision and continued elsewhere."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from semrl.core import Ints, Observation, Outcome
+from semrl.core.arrays import Arrays, array_to_rng, rng_to_array
+from semrl.core.errors import SemrlError
+from semrl.envs.environment import Env
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Played:
+    """An episode, as far as it was played: its seed and ``(t,)`` actions. Played again it is the same."""
+
+    seed: int
+    actions: Ints
+
+
+class Game:
+    """An environment with a seed for every episode and a memory of the actions taken in it.
+
+    A Gymnasium episode is a function of its seed and its actions, so these two are the emulator state
+    that is saved: restoring plays them again (some 2,000 decisions a second for Atari) and compares
+    the frame reached with the one saved. This holds for every environment, needs no opaque bytes, and
+    gives back the screen as well, which an emulator's own snapshot leaves stale until the next step.
+
+    Parameters
+    ----------
+    env
+        As `make_env` returns it.
+    seed
+        Every episode's seed is drawn from a generator of this seed.
+    """
+
+    def __init__(self, env: Env, seed: int) -> None:
+        self.env = env
+        self.n_actions = int(env.action_space.n)  # type: ignore[attr-defined]
+        self._rng = np.random.default_rng(seed)
+        self._episode_seed = 0
+        self._actions: list[int] = []
+        self._frame: Any = None
+
+    def reset(self) -> Observation:
+        """Begin a new episode."""
+        return self._begin(int(self._rng.integers(2**31)))
+
+    def step(self, action: int) -> Outcome:
+        """Take one decision; after the end of an episode call `reset`."""
+        self._actions.append(action)
+        self._frame, reward, terminated, truncated, _ = self.env.step(action)
+        return Outcome(
+            observation=self._observation(), reward=float(reward), terminated=terminated, truncated=truncated
+        )
+
+    @property
+    def played(self) -> Played:
+        """This episode so far."""
+        return Played(seed=self._episode_seed, actions=np.array(self._actions, dtype=np.int64))
+
+    def again(self, played: Played) -> Iterator[tuple[Observation, int | None, float]]:
+        """Play an episode again; yield what is seen, the action that led there (None at first) and its reward."""
+        yield self._begin(played.seed), None, 0.0
+        for action in played.actions.tolist():
+            outcome = self.step(action)
+            yield outcome.observation, action, outcome.reward
+
+    def to_arrays(self) -> Arrays:
+        """Return the random generator, this episode's seed and actions, and the last frame."""
+        frame = {} if self._frame is None else {"frame": self._frame}
+        return {
+            "rng": rng_to_array(self._rng),
+            "episode_seed": np.array(self.played.seed),
+            "actions": self.played.actions,
+            **frame,
+        }
+
+    def from_arrays(self, arrays: Arrays) -> Observation | None:
+        """Play the saved episode again up to the saved decision; return what is to be seen there.
+
+        Returns None when no episode had begun.
+
+        Raises
+        ------
+        SemrlError
+            When the environment does not repeat itself, so that the run cannot be continued exactly.
+        """
+        self._rng = array_to_rng(arrays["rng"])
+        if "frame" not in arrays:
+            return None
+        for _ in self.again(Played(seed=int(arrays["episode_seed"]), actions=arrays["actions"])):
+            pass
+        if not np.array_equal(self._frame, arrays["frame"]):
+            raise SemrlError("the environment did not repeat itself from seed and actions; this run cannot be resumed")
+        return self._observation()
+
+    def _begin(self, seed: int) -> Observation:
+        self._episode_seed = seed
+        self._actions = []
+        self._frame, _ = self.env.reset(seed=seed)
+        return self._observation()
+
+    def _observation(self) -> Observation:
+        ale = getattr(self.env.unwrapped, "ale", None)
+        return Observation(frame=self._frame, ram=ale.getRAM() if ale is not None else None)

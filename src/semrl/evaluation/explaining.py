@@ -1,0 +1,256 @@
+"""Explaining a decision: an evaluation episode is played up to it, and what the run thought there is written down."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.core import Plan
+from semrl.core.errors import UsageError
+from semrl.evaluation.explanation import Aftermath, Deed, Explanation, Foresight, Hop, Place, Told
+from semrl.evaluation.player import Player, Policy, Step, load_player
+from semrl.evaluation.rules import unit_of
+from semrl.evaluation.scores import EVALUATION_SEED
+from semrl.evaluation.sight import Sight, look_again
+from semrl.grounding import GoalPart, goal_size
+from semrl.planning import edge_costs, edges_along, reason
+from semrl.planning.module import Reasoner
+from semrl.training.session import limited_threads
+
+SCENARIOS_SHOWN = 5
+
+
+def explain(
+    run: str | Path,
+    *,
+    episode: int,
+    step: int,
+    seed: int | None = None,
+    policy: Policy = "agent",
+    at: int | None = None,
+    **conditions: Any,
+) -> Explanation:
+    """Explain one decision of an evaluation of a run with a map (§3.4.4).
+
+    Parameters
+    ----------
+    run
+        Folder of the run.
+    episode
+        Of the evaluation, from 0.
+    step
+        The decision, from 0.
+    seed
+        Of the episodes; when None, that of `evaluate`.
+    policy
+        Who decides.
+    at
+        Decisions after which the run plays: one of its milestones; as it is now when None.
+    conditions
+        Fields of `EvaluationConfig` in which the evaluation was another than the run's own, such as ``sticky_actions``.
+
+    Raises
+    ------
+    UsageError
+        When there is no such run or milestone, it has no map, or the episode ends before that decision.
+    """
+    if min(episode, step, seed or 0) < 0:
+        raise UsageError(f"episode, step and seed must be 0 or more, not {episode}, {step} and {seed}")
+    player = load_player(run, at).under(**conditions)
+    player.require_foresight(run)
+    seed = player.config.seed + EVALUATION_SEED if seed is None else seed
+    with limited_threads(player.config.threads):
+        steps = player.episode(episode, seed, policy)
+        played = _played(player, steps, step, f"episode {episode} of {run}")
+        return _laid_open(player, played, run=str(run), policy=policy, seed=seed, episode=episode, step=step)
+
+
+def _laid_open(
+    player: Player, played: "_Played", *, run: str, policy: Policy, seed: int, episode: int, step: int
+) -> Explanation:
+    """Write down what was seen, thought and done at the first of the decisions that were played."""
+    reasoner = player.require_foresight(run)
+    thought = _Thought(player, reasoner, played.steps[0])
+    return Explanation(
+        run=run,
+        model=player.config.model,
+        env=player.config.env,
+        trained_decisions=player.decisions,
+        policy=policy,
+        seed=seed,
+        episode=episode,
+        step=step,
+        exploration=player.config.evaluation.exploration,
+        return_so_far=played.steps[0].total,
+        frame=played.steps[0].observation.frame,
+        sight=played.sight,
+        features=thought.features(),
+        place=thought.place(),
+        path=thought.path(),
+        cutoff=reasoner.config.long_term.cutoff,
+        scenarios=thought.scenarios(),
+        n_scenarios=thought.n_scenarios,
+        n_imagined=reasoner.config.short_term.scenarios or thought.n_scenarios,
+        reason=reason(thought.plan),
+        otherwise=thought.otherwise(),
+        goal=thought.goal(),
+        deed=thought.deed(played.actions[0], policy),
+        aftermath=thought.aftermath(played),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Played:
+    """What is seen at a decision and after it, for as many decisions as scenarios have or until the end."""
+
+    steps: Sequence[Step]
+    sight: Sight
+    ended: bool
+
+    @property
+    def actions(self) -> list[int]:
+        return [step.action for step in self.steps[1:] if step.action is not None]
+
+    @property
+    def rewards(self) -> list[float]:
+        return [after.total - before.total for before, after in pairwise(self.steps)]
+
+
+def _played(player: Player, steps: Iterable[Step], first: int, what: str) -> _Played:
+    """Play up to a decision, and so far beyond it that one knows whether the episode ends there."""
+    reasoner = player.require_foresight(what)
+    kept: list[Step] = []
+    for number, step in enumerate(steps):
+        if number >= first:
+            kept.append(step)
+        if number == first:  # where objects are followed, they stand there now
+            sight = look_again(player.pipeline, step.observation, step.state[0, : reasoner.facts.stop])
+        if len(kept) > reasoner.config.short_term.depth + 1:
+            return _Played(steps=kept[:-1], sight=sight, ended=False)
+    if len(kept) < 2:
+        raise UsageError(f"{what} has {number} decisions, from 0 to {number - 1}, so there is no decision {first}")
+    return _Played(steps=kept, sight=sight, ended=True)
+
+
+class _Thought:
+    """What agent and planner make of a state, as rows."""
+
+    def __init__(self, player: Player, reasoner: Reasoner, step: Step) -> None:
+        assert step.thought and step.thought.plan, "where there is a map, the models have learned as well"
+        self.player, self.reasoner, self.state = player, reasoner, step.state
+        self.moment, self.plan = step.thought.moment, step.thought.plan
+        self.graph, self.routes = reasoner.state_map.graph_, reasoner.routes
+        self.action_names = player.action_names
+        self.unit = unit_of(player)
+        self.n_scenarios = len(self.plan.scenarios)
+
+    def features(self) -> dict[str, float]:
+        """Name the numbers of the state, where they have names, in the unit of the rules."""
+        names = self.player.pipeline.names
+        return dict(zip(names, (self.moment.states[0, : len(names)] / self.unit).tolist(), strict=True))
+
+    def place(self) -> Place:
+        """Tell where on the map the state lies."""
+        node, distance = self.plan.node, float(self.routes.distances[self.plan.node])
+        return Place(
+            node=int(self.graph.node_ids[node]),
+            states=int(self.graph.node_counts[node]),
+            distance=distance if math.isfinite(distance) else None,
+            is_goal=bool(self.routes.goals[node]),
+        )
+
+    def path(self) -> tuple[Hop, ...]:
+        """Tell the way to the nearest gain, edge by edge."""
+        config, graph = self.reasoner.config.long_term, self.graph
+        costs = edge_costs(graph, config)
+        return tuple(
+            Hop(
+                source=int(graph.node_ids[graph.sources[i]]),
+                target=int(graph.node_ids[graph.targets[i]]),
+                edge=int(graph.edge_ids[i]),
+                action=self.action_names[graph.actions[i].argmax()],
+                share=float(graph.actions[i].max()),
+                count=int(graph.edge_counts[i]),
+                reward=float(graph.rewards[i]),
+                cost=float(costs[i]),
+            )
+            for i in edges_along(graph, self.plan.path, config).tolist()
+        )
+
+    def scenarios(self) -> tuple[Foresight, ...]:
+        """Tell the best scenarios, of equal ones the first."""
+        _, different = np.unique(self.plan.scenarios.actions, axis=0, return_index=True)
+        return tuple(self._foresight(self.plan, i) for i in np.sort(different)[:SCENARIOS_SHOWN].tolist())
+
+    def otherwise(self) -> tuple[Foresight, ...]:
+        """Tell for each other action the best scenario that begins with it."""
+        others = (action for action in range(len(self.action_names)) if action != self.plan.actions[0])
+        plans = (self.reasoner.plan(self.moment, first=action) for action in others)
+        return tuple(self._foresight(plan, 0) for plan in plans if plan)
+
+    def _foresight(self, plan: Plan, i: int) -> Foresight:
+        """Tell the i-th best scenario of a plan."""
+        progress = int(plan.progress[i])
+        return Foresight(
+            rank=i + 1,
+            actions=self._names(plan.scenarios.actions[i]),
+            rewards=tuple(plan.scenarios.rewards[i].tolist()),
+            predicted_return=float(plan.returns[i]),
+            doubt=None if plan.scenarios.doubts is None else float(plan.scenarios.doubts[i]),
+            end_node=int(self.graph.node_ids[plan.end_nodes[i]]),
+            progress=progress if progress >= 0 else None,
+        )
+
+    def goal(self) -> tuple[Told, ...]:
+        """Tell the goal, read from what the agent was shown."""
+        told, rest = [], self.state[0, self.reasoner.facts.stop :]
+        for part in self.reasoner.config.goal.parts:
+            numbers, rest = np.split(rest, [self._size(part)])
+            told_in = self.unit if part == "state" else 1.0
+            told.append(
+                Told(part=part, numbers=tuple((numbers / told_in).tolist()), names=self._goal_names(part, numbers))
+            )
+        return tuple(told)
+
+    def deed(self, taken: int, policy: Policy) -> Deed:
+        """Tell what was done, and what agent and planner wanted."""
+        wanted = {"agent": self.player.agent.best_action(self.state), "planner": int(self.plan.actions[0])}
+        values = self.player.agent.action_values(self.state[None])[0].tolist()
+        return Deed(
+            action=self.action_names[taken],
+            agent=self.action_names[wanted["agent"]],
+            planner=self.action_names[wanted["planner"]],
+            by_chance=taken != wanted[policy],
+            values=dict(zip(self.action_names, values, strict=True)),
+        )
+
+    def aftermath(self, played: _Played) -> Aftermath:
+        """Tell what came, and what the models foresee for the actions that were taken."""
+        actions = np.array([played.actions])
+        foreseen = self.reasoner.world.imagine(self.moment, actions)
+        return Aftermath(
+            actions=self._names(played.actions),
+            rewards=tuple(played.rewards),
+            ended=played.ended,
+            foreseen=tuple(foreseen.rewards[0].tolist()),
+        )
+
+    def _size(self, part: GoalPart) -> int:
+        """Return how many numbers of the goal a part takes."""
+        reasoner = self.reasoner
+        config = replace(reasoner.config.goal, parts=(part,))
+        depth = reasoner.config.short_term.depth
+        return goal_size(config, dimension=reasoner.dimension, depth=depth, n_actions=reasoner.n_actions)
+
+    def _goal_names(self, part: GoalPart, numbers: NDArray[Any]) -> tuple[str, ...]:
+        if part == "actions":
+            return self._names(numbers.reshape(-1, self.reasoner.n_actions).argmax(axis=1))
+        return tuple(self.features()) if part == "state" else ()
+
+    def _names(self, actions: Iterable[int]) -> tuple[str, ...]:
+        return tuple(self.action_names[action] for action in actions)

@@ -1,0 +1,218 @@
+"""One decision, laid open: rows that say what was seen, planned, done, and what came of it."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from semrl.core import Frame
+from semrl.evaluation.sight import Sight
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Place:
+    """A node of the map, the state's own (§3.4.1).
+
+    Attributes
+    ----------
+    node
+        Its id.
+    states
+        How many states of play it stands for.
+    distance
+        Cost of the way to the nearest gain; None where none is known within the cut-off.
+    is_goal
+        Whether a gain starts right here.
+    """
+
+    node: int
+    states: int
+    distance: float | None
+    is_goal: bool
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Hop:
+    """An edge of the path (§3.4.2).
+
+    Attributes
+    ----------
+    source, target, edge
+        Ids.
+    action, share
+        The most frequent action of its transitions, and how large a share of them it has.
+    count
+        How many transitions of play it stands for.
+    reward
+        Their mean reward.
+    cost
+        What it adds to the path.
+    """
+
+    source: int
+    target: int
+    edge: int
+    action: str
+    share: float
+    count: int
+    reward: float
+    cost: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Foresight:
+    """A scenario (§3.4.3).
+
+    Attributes
+    ----------
+    rank
+        Place in the planner's order, from 1.
+    actions
+        The name of each.
+    rewards
+        Predicted sign of the reward of each.
+    predicted_return
+        Their sum, discounted as the planner does, with what is expected beyond, less what the doubt counts.
+    doubt
+        Standard deviation of the return among the models that were asked; None where there is only one.
+    end_node
+        Id of the node in which it ends.
+    progress
+        Place of that node on the path, from 0; None off the path.
+    """
+
+    rank: int
+    actions: tuple[str, ...]
+    rewards: tuple[float, ...]
+    predicted_return: float
+    doubt: float | None
+    end_node: int
+    progress: int | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Told:
+    """A part of the goal, as the agent was told it (§3.4.4).
+
+    Attributes
+    ----------
+    part
+        Which one.
+    numbers
+        What the agent was given.
+    names
+        What they stand for: the actions of the scenario, or the features of its last state where they have names.
+    """
+
+    part: str
+    numbers: tuple[float, ...]
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Deed:
+    """What was done.
+
+    Attributes
+    ----------
+    action
+        The one taken.
+    agent, planner
+        What either of them would do.
+    by_chance
+        Whether evaluation's exploration put another action in the place of the decider's.
+    values
+        The agent's value of each action, by name.
+    """
+
+    action: str
+    agent: str
+    planner: str
+    by_chance: bool
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Aftermath:
+    """What really came, for as many decisions as a scenario has.
+
+    Attributes
+    ----------
+    actions, rewards
+        Of each decision, this one first.
+    ended
+        Whether the episode ended with the last of them.
+    foreseen
+        Sign of each reward as the models predict it at this decision, for just these actions.
+    """
+
+    actions: tuple[str, ...]
+    rewards: tuple[float, ...]
+    ended: bool
+    foreseen: tuple[float, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Explanation:
+    """One decision of an evaluation episode, and why it was taken.
+
+    Attributes
+    ----------
+    run, model, env, trained_decisions
+        Who played what, and how long it had learned.
+    policy, seed, episode, step
+        Which decision it is.
+    exploration
+        Probability with which evaluation acts at random.
+    return_so_far
+        Return before the decision.
+    frame, sight
+        What was shown, and what perception made of it.
+    features
+        Names and values of the state's numbers, where they have names, as the rules tell them: percent of the image, or
+        the emulator's pixels.
+    place, path, cutoff
+        Where on the map, the way to the nearest gain with the rewarding edge last, and the highest cost of one.
+    scenarios, n_scenarios, n_imagined, reason
+        The best, of equal ones the first, how many were compared, how many were imagined before some models chose among
+        them, and why the first one is the first.
+    otherwise
+        For each action that the first does not begin with: the best that was found when only it could begin.
+    goal, deed, aftermath
+        What the agent was told, what was done, what came.
+    """
+
+    run: str
+    model: str
+    env: str
+    trained_decisions: int
+    policy: str
+    seed: int
+    episode: int
+    step: int
+    exploration: float
+    return_so_far: float
+    frame: Frame
+    sight: Sight
+    features: Mapping[str, float]
+    place: Place
+    path: tuple[Hop, ...]
+    cutoff: float
+    scenarios: tuple[Foresight, ...]
+    n_scenarios: int
+    n_imagined: int
+    reason: str
+    otherwise: tuple[Foresight, ...]
+    goal: tuple[Told, ...]
+    deed: Deed
+    aftermath: Aftermath
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything but the frame, of what JSON knows; objects by box and class, joined ones by position."""
+        rows = asdict(self)
+        del rows["frame"], rows["sight"]
+        classes = self.sight.classes.tolist() or [None] * len(self.sight.boxes_px)
+        boxes = self.sight.boxes_px.tolist()
+        objects = [{"class": kind, "box_px": box} for kind, box in zip(classes, boxes, strict=True)]
+        cutoff = self.cutoff if math.isfinite(self.cutoff) else None  # JSON has no infinities
+        return rows | {"cutoff": cutoff, "objects": objects, "joined": self.sight.edges.tolist()}

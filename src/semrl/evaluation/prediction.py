@@ -1,0 +1,167 @@
+"""How well a run's model of the world foresees play that it has not seen (§4.2)."""
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.core import Floats
+from semrl.core.errors import UsageError
+from semrl.core.files import write_text
+from semrl.evaluation.player import Policy, Step, load_player
+from semrl.evaluation.scores import EVALUATION_SEED, PROBING
+from semrl.perception.pipeline import Pipeline
+from semrl.training.session import limited_threads
+from semrl.world_model.protocol import WorldModel
+
+HORIZONS = (1, 2, 5, 10, 20)
+
+FILE = "foresight.json"
+"""Where it is written, in the folder of a run; of a milestone, into ``foresight-at-DECISIONS.json``."""
+
+Spans = dict[int, list[tuple[Floats, Floats]]]
+"""Horizon → states foreseen and states that came."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quality:
+    """What a model of the world is worth.
+
+    Attributes
+    ----------
+    decisions
+        That were foreseen.
+    explained
+        Horizon in decisions → share of the variance of the states that is explained (R², weighted by variance).
+    explained_vectors
+        The same for the vector of the scene, where objects are foreseen and the scene follows from them; else empty.
+    confusion
+        ``(3, 3)`` counts, what came in rows, what was foreseen in columns: a loss, nothing, a gain.
+    balanced_accuracy
+        Mean share of each kind that was foreseen, over those that came.
+    conditions
+        Decisions that the model learned from, and how the episodes were played.
+    """
+
+    decisions: int
+    explained: dict[int, float]
+    explained_vectors: dict[int, float]
+    confusion: list[list[int]]
+    balanced_accuracy: float
+    conditions: dict[str, Any]
+
+
+def foresight(
+    run: str | Path,
+    *,
+    decisions: int = 10_000,
+    seed: int | None = None,
+    policy: Policy = "agent",
+    at: int | None = None,
+    on_step: Callable[[Step], None] = lambda _: None,
+) -> Quality:
+    """Play new episodes, compare what came with what the run's model foresaw, and write it into the run's folder.
+
+    A span of several decisions counts when no reward falls into it, since the model stops at a reward.
+
+    Parameters
+    ----------
+    run
+        Folder of a run with a map.
+    decisions
+        At least so many are played, whole episodes.
+    seed
+        Of the episodes; when None, one that training did not use.
+    policy
+        Who plays.
+    at
+        Decisions after which the model is tested: one of the run's milestones; as it is now when None.
+    on_step
+        Is told every decision.
+
+    Raises
+    ------
+    UsageError
+        When there is no such run or milestone, or nothing that could foresee.
+    """
+    if decisions < 1 or (seed is not None and seed < 0):
+        raise UsageError(f"decisions must be 1 or more and seed 0 or more, not {decisions} and {seed}")
+    player = load_player(run, at).under(exploration=PROBING)
+    world = player.require_foresight(run).world
+    seed = player.config.seed + EVALUATION_SEED if seed is None else seed
+    facts: Spans = {horizon: [] for horizon in HORIZONS}
+    confusion = np.zeros((3, 3), np.int64)
+    with limited_threads(player.config.threads):
+        for steps in _episodes(partial(player.episode, seed=seed, policy=policy), decisions, on_step):
+            _compare(world, steps, facts, confusion)
+        vectors = _embedded(player.pipeline, facts) if player.pipeline.facts.start else {}
+    conditions = {"learned_from": player.decisions, "seed": seed, "policy": policy, "exploration": PROBING}
+    quality = Quality(
+        decisions=int(confusion.sum()),
+        explained=_explained(facts),
+        explained_vectors=_explained(vectors),
+        confusion=confusion.tolist(),
+        balanced_accuracy=balanced_accuracy(confusion),
+        conditions=conditions,
+    )
+    path = Path(run) / (FILE if at is None else f"foresight-at-{at}.json")
+    write_text(path, json.dumps(asdict(quality), indent=2) + "\n")
+    return quality
+
+
+def balanced_accuracy(confusion: NDArray[np.int64]) -> float:
+    """Return the mean share that was foreseen of each kind that came, from ``(k, k)`` counts."""
+    came = confusion.sum(axis=1)
+    return float((confusion.diagonal()[came > 0] / came[came > 0]).mean())
+
+
+def _episodes(
+    play: Callable[[int], Iterator[Step]], decisions: int, on_step: Callable[[Step], None]
+) -> Iterator[Sequence[Step]]:
+    played = number = 0
+    while played < decisions:
+        steps = []
+        for step in play(number):
+            steps.append(step)
+            on_step(step)
+        played, number = played + len(steps) - 1, number + 1
+        yield steps
+
+
+def _compare(world: WorldModel, steps: Sequence[Step], spans: Spans, confusion: NDArray[np.int64]) -> None:
+    """Foresee every decision of an episode, and what is some decisions ahead of it."""
+    moments = [step.thought.moment for step in steps if step.thought]
+    actions = np.array([step.action for step in steps[1:]])
+    rewards = np.sign(np.diff([step.total for step in steps])).astype(int)
+    longest = max(HORIZONS)
+    for t, moment in enumerate(moments[:-1]):
+        told = world.imagine(moment, actions[None, t : t + longest])
+        confusion[rewards[t] + 1, int(np.rint(told.rewards[0, 0])) + 1] += 1
+        for horizon in HORIZONS:
+            if t + horizon < len(moments) and (horizon == 1 or not rewards[t : t + horizon].any()):
+                spans[horizon].append((told.states[0, horizon - 1], moments[t + horizon].states[0]))
+
+
+def _embedded(pipeline: Pipeline, facts: Spans) -> Spans:
+    """Return the vectors of the scenes that were foreseen and that came."""
+    return {
+        horizon: [(pipeline.embed(foreseen), pipeline.embed(came)) for foreseen, came in pairs]
+        for horizon, pairs in facts.items()
+    }
+
+
+def _explained(spans: Spans) -> dict[int, float]:
+    """Return R² of each horizon; nothing for one at which the states never varied."""
+    shares = {}
+    for horizon, pairs in spans.items():
+        if pairs:
+            foreseen, came = (np.array(part, np.float64) for part in zip(*pairs, strict=True))
+            variation = float(((came - came.mean(axis=0)) ** 2).sum())
+            if variation:
+                shares[horizon] = 1 - float(((came - foreseen) ** 2).sum()) / variation
+    return shares

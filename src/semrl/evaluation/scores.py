@@ -1,0 +1,156 @@
+"""How well a trained run plays: returns of greedy games from random starts."""
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from semrl.core.errors import UsageError
+from semrl.core.files import write_text
+from semrl.evaluation.player import Policy, Step, load_player
+from semrl.training.session import limited_threads
+
+EVALUATION_SEED = 1_000_000
+"""Added to a run's seed for its evaluation."""
+
+PROBING = 0.01
+"""Probability of a random action where foresight is tested: a game that is always played alike tells little."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluationResult:
+    """Returns of the evaluation episodes."""
+
+    run: str
+    policy: str
+    episodes: int
+    mean: float
+    std: float
+    min: float
+    max: float
+    returns: list[float]
+    lengths: list[int]
+    """Decisions of each episode: games that went alike are of one length."""
+    rewards: list[list[tuple[int, float]]]
+    """Of each episode: the decisions, from 0, that brought a reward, and which."""
+    conditions: dict[str, Any]
+    """Who was tested how: decisions of training, seed, and the fields of `EvaluationConfig`."""
+
+
+def evaluate(
+    run: str | Path,
+    *,
+    episodes: int | None = None,
+    seed: int | None = None,
+    policy: Policy = "agent",
+    exploration: float | None = None,
+    sticky_actions: float | None = None,
+    at: int | None = None,
+    on_episode: Callable[[float], None] = lambda _: None,
+    on_step: Callable[[int, Step], None] = lambda _episode, _step: None,
+) -> EvaluationResult:
+    """Play a run greedily and write ``evaluation.json`` into its folder.
+
+    Who plays, random and sticky actions, and a milestone stand in the file's name: see `result_path`. Number and seed
+    of the episodes do not, so the newest evaluation of a kind replaces the one before.
+
+    Parameters
+    ----------
+    run
+        Folder of the run; its newest checkpoint plays.
+    episodes, exploration, sticky_actions
+        As in `EvaluationConfig`; the run's own when None.
+    seed
+        Of the episodes; when None, one that training did not use.
+    policy
+        Who decides.
+    at
+        Decisions after which the run is tested: one of its milestones; as it is now when None.
+    on_episode
+        Is told the return of each episode.
+    on_step
+        Is told the number of the episode and every decision; for videos.
+
+    Raises
+    ------
+    UsageError
+        When there is no such run or milestone, its agent has not begun to learn, there is nothing to play, or a
+        planner is asked for where there is no map.
+    """
+    if (episodes is not None and episodes < 1) or (seed is not None and seed < 0):
+        raise UsageError(f"episodes must be 1 or more and seed 0 or more, not {episodes} and {seed}")
+    asked = {"episodes": episodes, "exploration": exploration, "sticky_actions": sticky_actions}
+    player = load_player(run, at).under(**{name: value for name, value in asked.items() if value is not None})
+    if player.perceiving:
+        raise UsageError(
+            f"{run} has not learned to see yet, so there is no agent to play with: it needs more decisions"
+        )
+    if policy == "planner":
+        player.require_foresight(run)
+    seed = player.config.seed + EVALUATION_SEED if seed is None else seed
+    games: list[_Game] = []
+    with limited_threads(player.config.threads):
+        for episode in range(player.config.evaluation.episodes):
+            games.append(_game(player.episode(episode, seed, policy), partial(on_step, episode)))
+            on_episode(games[-1].total)
+    conditions = {"decisions": player.decisions, "seed": seed, **asdict(player.config.evaluation)}
+    result = _summed_up(run, policy, games, conditions)
+    path = result_path(run, policy=policy, exploration=exploration, sticky_actions=sticky_actions, at=at)
+    write_text(path, json.dumps(asdict(result)) + "\n")
+    return result
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Game:
+    total: float
+    decisions: int
+    rewards: list[tuple[int, float]]
+
+
+def _game(steps: Iterator[Step], on_step: Callable[[Step], None]) -> _Game:
+    """Play an episode to its end."""
+    decisions, total, rewards = -1, 0.0, []  # the first step is the beginning
+    for step in steps:
+        decisions += 1
+        if step.total != total:
+            rewards.append((decisions - 1, step.total - total))
+            total = step.total
+        on_step(step)
+    return _Game(total=total, decisions=decisions, rewards=rewards)
+
+
+def result_path(
+    run: str | Path,
+    *,
+    policy: Policy = "agent",
+    exploration: float | None = None,
+    sticky_actions: float | None = None,
+    at: int | None = None,
+) -> Path:
+    """Return where `evaluate` writes: ``evaluation.json``, or ``evaluation-planner-sticky-0.25-at-50000.json``."""
+    shares = {"random": exploration, "sticky": sticky_actions}
+    parts: list[str] = [] if policy == "agent" else [policy]
+    parts += [f"{name}-{share:g}" for name, share in shares.items() if share is not None]
+    parts += [] if at is None else [f"at-{at}"]
+    return Path(run) / f"{'-'.join(['evaluation', *parts])}.json"
+
+
+def _summed_up(run: str | Path, policy: Policy, games: Sequence[_Game], conditions: dict[str, Any]) -> EvaluationResult:
+    returns = [game.total for game in games]
+    return EvaluationResult(
+        run=str(run),
+        policy=policy,
+        episodes=len(returns),
+        mean=float(np.mean(returns)),
+        std=float(np.std(returns, ddof=1)) if len(returns) > 1 else 0.0,
+        min=min(returns),
+        max=max(returns),
+        returns=returns,
+        lengths=[game.decisions for game in games],
+        rewards=[game.rewards for game in games],
+        conditions=conditions,
+    )

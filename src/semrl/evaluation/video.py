@@ -1,0 +1,164 @@
+"""A video of an episode: the frame with its objects, beside what the agent sees."""
+
+import contextlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import av
+import cv2
+import imageio.v3 as iio
+import numpy as np
+
+from semrl.core import IMAGE_SIZE_PX, Frame, Ints
+from semrl.core.errors import SemrlError, UsageError
+from semrl.core.files import temporary_name
+from semrl.evaluation.player import Step, load_player
+from semrl.evaluation.sight import CLASS_COLOURS, Sight, look
+from semrl.perception.pipeline import Pipeline
+
+VIDEO_RATE = 30
+"""Decisions a second in videos: twice the speed of a game of 60 frames a second and frame skip 4."""
+MAX_VIDEO_FRAMES = 300 * VIDEO_RATE
+
+_CODECS = ("libx264", "libopenh264", "mpeg4")  # the first that this build of FFmpeg has
+_DARK, _LIGHT = 20, (214, 218, 224)
+_GAP_PX, _LINE_PX = 24, 32
+
+
+@contextlib.contextmanager
+def recorder(run: Path, video: Path | None) -> Iterator[Callable[[int, Step], None]]:
+    """Make an observer for `evaluate` that films the first episode: the frame, and what is seen in it.
+
+    Parameters
+    ----------
+    run
+        Whose perception looks at the frames.
+    video
+        An ``.mp4`` file, written whole or not at all; five minutes at most, later decisions are left out.
+        None films nothing.
+
+    Raises
+    ------
+    UsageError
+        When the file is no ``.mp4`` or cannot be written, before anything is played.
+    SemrlError
+        When writing fails later (full disk).
+    """
+    if video is None:
+        yield lambda _episode, _step: None
+        return
+    temporary = _writable(video)
+    try:
+        film = _Film(temporary, load_player(run).pipeline)
+        with contextlib.closing(film):
+            yield film.on_step
+        if film.n_frames:
+            temporary.replace(video)
+    except av.FFmpegError as error:
+        raise SemrlError(f"cannot write {video}: {error.strerror or error}") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _writable(video: Path) -> Path:
+    """Check that a video can be written; return its temporary name, where an empty file now lies."""
+    if video.suffix.lower() != ".mp4":
+        raise UsageError(f"--video must name an .mp4 file, not {video}")
+    if video.is_dir():
+        raise UsageError(f"cannot write {video}: it is a folder")
+    temporary = temporary_name(video)
+    try:
+        temporary.write_bytes(b"")
+    except OSError as error:
+        raise UsageError(f"cannot write {video}: {error.strerror}") from None
+    return temporary
+
+
+class _Film:
+    """A video that grows frame by frame."""
+
+    def __init__(self, path: Path, pipeline: Pipeline) -> None:
+        self.path = path
+        self.pipeline = pipeline
+        self.n_frames = 0
+        self._file: Any = None
+
+    def on_step(self, episode: int, step: Step) -> None:
+        if episode > 0 or self.n_frames >= MAX_VIDEO_FRAMES:
+            return
+        if step.action is None:
+            self.pipeline.begin_episode()
+        picture = compose(self.pipeline, step, self.n_frames)
+        if self._file is None:
+            self._file = iio.imopen(self.path, "w", plugin="pyav", extension=".mp4", container="mp4")
+            self._file.init_video_stream(_codec(), fps=VIDEO_RATE)
+        self._file.write_frame(picture)
+        self.n_frames += 1
+
+    def close(self) -> None:
+        if self._file is not None:
+            self._file.close()
+
+
+def _codec() -> str:
+    for name in _CODECS:
+        with contextlib.suppress(ValueError):
+            av.codec.Codec(name, "w")
+            return name
+    raise SemrlError(f"this build of FFmpeg has none of {', '.join(_CODECS)}; install another 'av' wheel")
+
+
+def compose(pipeline: Pipeline, step: Step, decision: int) -> Frame:
+    """Put a frame with marked objects beside what the agent sees of it; ``(h, w, 3)`` uint8, h and w even."""
+    sight = look(pipeline, step.observation)
+    left = _mark(step.observation.frame, sight)
+    side = IMAGE_SIZE_PX * max(1, round(0.8 * left.shape[0] / IMAGE_SIZE_PX))
+    right = _seen(pipeline, sight, side)
+    height = max(left.shape[0], side) + _LINE_PX
+    canvas = np.full((height + height % 2, left.shape[1] + _GAP_PX + side, 3), _DARK, np.uint8)
+    canvas = canvas[:, : canvas.shape[1] // 2 * 2]
+    canvas[: left.shape[0], : left.shape[1]] = left
+    top = (height - _LINE_PX - side) // 2
+    canvas[top : top + side, left.shape[1] + _GAP_PX :] = right[:, : canvas.shape[1] - left.shape[1] - _GAP_PX]
+    _write(canvas, f"return {step.total:g}   decision {decision}", (8, height - 10))
+    return canvas
+
+
+def _mark(frame: Frame, sight: Sight) -> Frame:
+    """Enlarge a frame and draw the boxes of its objects."""
+    scale = max(1, round(480 / frame.shape[1]))
+    large: Frame = np.asarray(cv2.resize(frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST), np.uint8)
+    per_px = np.array(large.shape[:2] * 2) / IMAGE_SIZE_PX  # boxes are measured in the 84×84 image
+    for i, (top, left, height, width) in enumerate(np.rint(sight.boxes_px * per_px).astype(int).tolist()):
+        end = (left + width, top + height)
+        cv2.rectangle(large, (left - 1, top - 1), end, _colour(sight.classes, i), 2, cv2.LINE_AA)
+        if sight.names:
+            _write(large, sight.names[i], (min(end[0] + 6, large.shape[1] - 96), top + height // 2))
+    return large
+
+
+def _seen(pipeline: Pipeline, sight: Sight, side: int) -> Frame:
+    """Draw what the agent is shown: an image, the scene behind a vector, or the numbers themselves."""
+    if sight.seen is not None and sight.seen.ndim == 2:
+        grey = cv2.resize(sight.seen, (side, side), interpolation=cv2.INTER_NEAREST)
+        return np.repeat(grey[:, :, None], 3, axis=2)
+    palette = np.array([(0, 0, 0), *CLASS_COLOURS], np.uint8)
+    numbers = np.where(sight.labels > 0, (sight.labels - 1) % len(CLASS_COLOURS) + 1, 0)
+    panel: Frame = np.asarray(cv2.resize(palette[numbers], (side, side), interpolation=cv2.INTER_NEAREST), np.uint8)
+    centres = (sight.boxes_px[:, :2] + sight.boxes_px[:, 2:] / 2)[:, ::-1] * (side / IMAGE_SIZE_PX)  # (n, 2) x, y
+    points = np.rint(centres).astype(int).tolist()
+    for first, second in sight.edges.tolist():
+        cv2.line(panel, points[first], points[second], _LIGHT, 1, cv2.LINE_AA)
+    if pipeline.view == "ram" and sight.seen is not None:
+        for i, (name, value) in enumerate(zip(pipeline.names, sight.seen, strict=True)):
+            _write(panel, f"{name}  {value:.3f}", (16, 40 + 32 * i))
+    return panel
+
+
+def _colour(classes: Ints, i: int) -> tuple[int, int, int]:
+    return CLASS_COLOURS[classes[i] % len(CLASS_COLOURS) if len(classes) else 0]
+
+
+def _write(canvas: Frame, text: str, place: tuple[int, int]) -> None:
+    cv2.putText(canvas, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.55, _LIGHT, 1, cv2.LINE_AA)

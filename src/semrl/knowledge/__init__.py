@@ -1,0 +1,1 @@
+"""What a run knows of its world, described, exported, and asked in SPARQL."""

@@ -1,0 +1,7 @@
+"""Which pixels are an object (§3.2.1)."""
+
+from semrl.perception.detection.foreground import ForegroundConfig, ForegroundDetector
+from semrl.perception.detection.labels import label_image
+from semrl.perception.detection.otsu import DetectionConfig, OtsuDetector
+
+__all__ = ["DetectionConfig", "ForegroundConfig", "ForegroundDetector", "OtsuDetector", "label_image"]

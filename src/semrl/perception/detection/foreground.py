@@ -1,0 +1,145 @@
+"""Object detection by what differs from the background, at full resolution and by colour.
+
+The detector of §3.2.1 joins objects that touch in the small grey image, loses what is as dark as the background,
+and knows positions to half a pixel. This one keeps the frame as it is.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.core import IMAGE_SIZE_PX, Frame, Image, Ints, Objects
+from semrl.core.arrays import Arrays, nest, unnest
+from semrl.core.errors import DataError, UsageError
+from semrl.perception.detection.foreground_kernels import Places, draw_objects, find_components, vote
+from semrl.perception.detection.parts import Parts
+
+_PIECES = 4
+"""An object may be found in so many pieces, on average."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForegroundConfig:
+    """What differs from the background."""
+
+    background_frames: int = 500
+    """Frames whose commonest colour at each place is taken for the background."""
+    contrast: int = 12
+    """Pixels whose colours differ by more than this in some channel, of 255, are different."""
+    max_objects: int = 64
+    """Most objects of a frame; the smallest are left out."""
+    parts_share: float = 0.9
+    """Share of one colour's pieces that must touch one of another, for what touches of the two to be one object."""
+
+    def __post_init__(self) -> None:
+        if self.background_frames < 1 or self.max_objects < 1:
+            raise UsageError("foreground.background_frames and foreground.max_objects must be 1 or more")
+        if not self.parts_share > 0:
+            raise UsageError(f"foreground.parts_share must be above 0, not {self.parts_share}")
+        if not 0 <= self.contrast < 255:
+            raise UsageError(f"foreground.contrast must lie in 0 … 254, not {self.contrast}")
+
+
+class ForegroundDetector:
+    """Objects are connected pixels of one colour, or pieces that go together, that differ from the background.
+
+    The background is the colour that a pixel has most of the time, found by majority vote (Boyer & Moore,
+    "MJRTY: a fast majority vote algorithm", 1991), so what stands still is no object. Positions are means over
+    an object's pixels in the full frame, told in pixels of the 84×84 image. Crops are drawn around an object's
+    own middle, so that they do not change with its place; a pixel counts a fifth for being there and up to four for
+    its grey level, so that black objects are seen too. Objects larger than the window are drawn smaller, not cut.
+
+    Attributes
+    ----------
+    frames_ : int
+        Frames that the background was learned from.
+    """
+
+    crop_size_px = 8
+    """Edge of the window of one object, in pixels of the 84×84 image."""
+
+    def __init__(self, config: ForegroundConfig | None = None) -> None:
+        self.config = config or ForegroundConfig()
+        self.frames_ = 0
+        self._background: Frame = np.zeros((0, 0, 0), np.uint8)
+        self._votes: NDArray[np.int32] = np.zeros((0, 0), np.int32)
+        self._parts = Parts(self.config.parts_share)
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether enough frames were seen to know the background."""
+        return self.frames_ >= self.config.background_frames
+
+    @property
+    def background_(self) -> Frame:
+        """The commonest colours, ``(height, width, channels)`` uint8."""
+        return self._background.copy()
+
+    def partial_fit(self, frame: Frame | Image) -> Self:
+        """Look at one more frame, ``(height, width, 3)`` or grey ``(height, width)`` uint8, until there are enough."""
+        pixels = self._checked(frame)
+        if not self.is_fitted:
+            if not self.frames_:
+                self._background, self._votes = np.zeros_like(pixels), np.zeros(pixels.shape[:2], np.int32)
+            vote(pixels, self._background, self._votes)
+            self.frames_ += 1
+            if 2 * self.frames_ > self.config.background_frames:  # by now it is known well enough
+                self._parts.learn(pixels, *self._components(pixels))
+            if self.is_fitted:
+                self._parts.settle(self._background)
+        return self
+
+    def detect(self, frame: Frame | Image) -> Objects:
+        """Find the objects of a frame, from top to bottom.
+
+        Raises
+        ------
+        DataError
+            No frame was learned from yet, or this one has another shape.
+        """
+        if not self.frames_:
+            raise DataError("the detector has seen no frame yet: call partial_fit first")
+        pixels = self._checked(frame)
+        places, ends = self._parts.joined(pixels, *self._components(pixels))
+        sizes = np.diff(ends, prepend=0)
+        kept = np.sort(np.argsort(-sizes, kind="stable")[: self.config.max_objects])
+        drawn = draw_objects(pixels, places, (ends - sizes)[kept], ends[kept], self.crop_size_px, IMAGE_SIZE_PX)
+        crops, centres, boxes, labels = drawn
+        return Objects(crops=crops, centres_px=centres, boxes_px=boxes, labels=labels)
+
+    def to_arrays(self) -> Arrays:
+        """Return the background and its votes."""
+        return {
+            "frames": np.array(self.frames_),
+            "background": self._background.copy(),
+            "votes": self._votes.copy(),
+            **nest(parts=self._parts.to_arrays()),
+        }
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Take over a background."""
+        self.frames_ = int(arrays["frames"])
+        self._background, self._votes = arrays["background"].copy(), arrays["votes"].copy()
+        self._parts.from_arrays(unnest(arrays, "parts"))
+
+    def _components(self, pixels: Frame) -> tuple[Places, Ints]:
+        """Return pieces of one colour; of very many only the largest, since all are compared with each other."""
+        places, ends = find_components(pixels, self._background, self.config.contrast)
+        most = _PIECES * self.config.max_objects
+        if len(ends) <= most:
+            return places, ends
+        sizes = np.diff(ends, prepend=0)
+        kept = np.zeros(len(ends), np.bool_)
+        kept[np.argsort(-sizes, kind="stable")[:most]] = True
+        return places[np.repeat(kept, sizes)], np.cumsum(sizes[kept])
+
+    def _checked(self, frame: Frame | Image) -> Frame:
+        """Return the frame with its channels as last axis."""
+        pixels = frame[:, :, None] if frame.ndim == 2 else frame
+        if pixels.ndim != 3 or pixels.dtype != np.uint8 or pixels.size == 0:
+            raise DataError(f"expected a frame (height, width, channels) of uint8, got {frame.shape} of {frame.dtype}")
+        if self.frames_ and pixels.shape != self._background.shape:
+            raise DataError(f"the background is of frames {self._background.shape}; this one is {pixels.shape}")
+        return np.ascontiguousarray(pixels)

@@ -1,0 +1,91 @@
+"""Things of several pieces: which colours are parts of one thing, learned from what touches."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.core import Frame, Ints
+from semrl.core.arrays import Arrays
+from semrl.perception.detection.foreground_kernels import Places
+from semrl.perception.detection.parts_kernels import colours_of, join, touching
+
+MOST_COLOURS = 64
+"""What has other colours than the first so many stays as it is."""
+
+LEAST_PIECES = 25
+"""Of a colour, to be judged by what they touch."""
+
+
+class Parts:
+    """How often pieces of one colour touch one of another, or of the same, and so which colours make things together.
+
+    Of two colours one is part of the other's things if nearly all of its pieces touch one of the other: wheels and
+    a car. A ball and a paddle meet now and then, which makes them no one thing. The colour of the ground is no part
+    of anything: there it shows through. Pieces touch that have no more than one pixel between them.
+
+    Parameters
+    ----------
+    share
+        Share of one colour's pieces that must touch one of the other.
+
+    Attributes
+    ----------
+    colours_ : ndarray
+        ``(k, channels)`` uint8, the colours seen so far.
+    """
+
+    def __init__(self, share: float) -> None:
+        self.share = share
+        self.colours_: Frame = np.zeros((0, 0), np.uint8)
+        self._pieces = np.zeros(0, np.int64)  # (k,) of each colour
+        self._touches = np.zeros((0, 0), np.int64)  # (k, k) those of one colour that touch one of another
+        self._together: NDArray[np.bool_] = np.zeros((0, 0), np.bool_)
+
+    def learn(self, frame: Frame, places: Places, ends: Ints) -> None:
+        """Count what touches among the pieces of one frame, as `find_components` tells of them."""
+        height, width, channels = frame.shape
+        first = places[np.append(0, ends[:-1])] if len(ends) else places
+        shown = np.concatenate([self.colours_.reshape(-1, channels), frame.reshape(-1, channels)[first]])
+        _, order = np.unique(shown, axis=0, return_index=True)
+        self.colours_ = shown[np.sort(order)][:MOST_COLOURS]
+        more = len(self.colours_) - len(self._pieces)
+        self._pieces, self._touches = np.pad(self._pieces, (0, more)), np.pad(self._touches, (0, more))
+        colours = colours_of(frame, places, ends, self.colours_)
+        touch = touching(places, ends, height, width)
+        for i in np.flatnonzero(colours >= 0):
+            self._pieces[colours[i]] += 1
+            met = colours[touch[i]]
+            self._touches[colours[i], np.unique(met[met >= 0])] += 1
+
+    def settle(self, background: Frame) -> None:
+        """Decide which colours go together, given what is behind everything, ``(height, width, channels)``."""
+        ground, area = np.unique(background.reshape(-1, background.shape[2]), axis=0, return_counts=True)
+        counts = np.where((self.colours_ == ground[area.argmax()]).all(axis=1), 0, self._pieces)
+        enough = counts >= LEAST_PIECES
+        shares = self._touches / np.maximum(self._pieces, 1)[:, None]
+        together = (np.maximum(shares, shares.T) >= self.share) & enough[:, None] & enough[None]
+        self._together = together
+
+    def joined(self, frame: Frame, places: Places, ends: Ints) -> tuple[Places, Ints]:
+        """Make one object of those that touch and whose colours go together."""
+        if not self._together.any():
+            return places, ends
+        height, width, _ = frame.shape
+        colours = colours_of(frame, places, ends, self.colours_)
+        known = colours >= 0
+        alike = self._together[np.ix_(colours, colours)] & known[:, None] & known[None]
+        return join(places, ends, touching(places, ends, height, width) & alike)
+
+    def to_arrays(self) -> Arrays:
+        """Return what was counted and decided."""
+        return {
+            "colours": self.colours_.copy(),
+            "pieces": self._pieces.copy(),
+            "touches": self._touches.copy(),
+            "together": self._together.copy(),
+        }
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on where `to_arrays` was called."""
+        self.colours_ = arrays["colours"].copy()
+        self._pieces, self._touches = arrays["pieces"].copy(), arrays["touches"].copy()
+        self._together = arrays["together"].copy()

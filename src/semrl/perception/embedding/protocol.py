@@ -1,0 +1,29 @@
+"""What an embedder must offer."""
+
+from collections.abc import Sequence
+from typing import Protocol, Self
+
+from semrl.core import Floats, SceneGraph
+from semrl.core.protocols import Persistent
+
+
+class Embedder(Persistent, Protocol):
+    """Writes a scene graph as a vector (§3.2.3)."""
+
+    @property
+    def documents_needed(self) -> int:
+        """How many scenes `fit` wants before `transform` works; 0 when nothing is learned."""
+        ...
+
+    @property
+    def dimension(self) -> int:
+        """Length of the vectors."""
+        ...
+
+    def fit(self, graphs: Sequence[SceneGraph]) -> Self:
+        """Learn from scenes, all at once."""
+        ...
+
+    def transform(self, graph: SceneGraph) -> Floats:
+        """Return the vector, ``(dimension,)`` float32; learns nothing."""
+        ...

@@ -1,0 +1,5 @@
+"""Objects as few numbers (§3.2.2)."""
+
+from semrl.perception.reduction.pca import ObjectPCA, PCAConfig
+
+__all__ = ["ObjectPCA", "PCAConfig"]

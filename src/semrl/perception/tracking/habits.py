@@ -1,0 +1,202 @@
+"""What is known of each role: the classes seen in it, where it stays, how often it moves, beside whom it is seen."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.core import Floats, Ints, Tracks
+from semrl.core.arrays import Arrays
+from semrl.core.kernels import compiled
+
+NEVER = 1e6
+"""What it costs to give a track a role that it cannot have."""
+
+_NAMES = ("classes", "means", "deviations", "moves", "together")
+_WIDTH_PX, _WIDTH_COUNT = 20.0, 30
+"""Before a role was seen much it is believed to stay within such a deviation, as if seen so many times."""
+
+STEADY_DECISIONS = 5
+"""After so many decisions it shows whether a track moves."""
+
+LEAST_MOVING_SHARE = 0.1
+"""Share of the decisions at which it must have moved then, else it is scenery."""
+
+MOST_TOGETHER = 0.05
+"""Share of the frames with the rarer of two roles, up to which the other is seen in them too if they take turns."""
+
+# In nats. Who has a role and is seen keeps it in doubt, whatever it looks like just now; who has it and is not seen
+# gives it up more easily. A newcomer must look and move alike; its place decides between several.
+_KEEPS, _GIVES_UP, _MOST_UNREST, _MOST_NEW = 2.0, 2.0, 4.0, 6.0
+
+
+class Known(NamedTuple):
+    """What tracks are measured against, for k roles.
+
+    Attributes
+    ----------
+    roles
+        ``(k,)`` int64, their numbers.
+    surprises
+        ``(k, c + 1)``, minus the logarithm of the share of each class, the last for all classes never seen.
+    means_px, variances
+        ``(k, 2)``, of the centres.
+    mobilities
+        ``(k,)``, share of the decisions at which it moves.
+    """
+
+    roles: Ints
+    surprises: NDArray[np.float64]
+    means_px: NDArray[np.float64]
+    variances: NDArray[np.float64]
+    mobilities: NDArray[np.float64]
+
+
+class Habits:
+    """Counts of each role, from which the likelihood of a track follows (naive Bayes).
+
+    Attributes
+    ----------
+    classes
+        ``(r, c)`` float64, how often each role was seen as of each class.
+    means
+        ``(r, 2)`` float64, mean centre, row and column in pixels.
+    deviations
+        ``(r, 2)`` float64, sums of squared deviations from these.
+    moves
+        ``(r, 2)`` float64, decisions at which it moved, and at which it could have.
+    together
+        ``(r, r)`` float64, frames in which each two were seen; on the diagonal, each.
+    """
+
+    def __init__(self) -> None:
+        self.classes: NDArray[np.float64] = np.zeros((0, 0))
+        self.means: NDArray[np.float64] = np.zeros((0, 2))
+        self.deviations: NDArray[np.float64] = np.zeros((0, 2))
+        self.moves: NDArray[np.float64] = np.zeros((0, 2))
+        self.together: NDArray[np.float64] = np.zeros((0, 0))
+
+    def __len__(self) -> int:
+        return len(self.means)
+
+    @property
+    def seen(self) -> NDArray[np.float64]:
+        """How often each role was seen, ``(r,)``."""
+        return np.asarray(self.classes.sum(axis=1))
+
+    @property
+    def spreads_px(self) -> NDArray[np.float64]:
+        """How far each role strays from its mean place, ``(r,)``, standard deviation in pixels."""
+        return np.asarray(np.sqrt(self.deviations.sum(axis=1) / np.maximum(self.seen, 1)))
+
+    def found(self) -> None:
+        """Make room for one more role."""
+        wider = ((0, 1), (0, 0))
+        self.classes, self.means = np.pad(self.classes, wider), np.pad(self.means, wider)
+        self.deviations, self.moves = np.pad(self.deviations, wider), np.pad(self.moves, wider)
+        self.together = np.pad(self.together, ((0, 1), (0, 1)))
+
+    def count(self, tracks: Tracks, shown: Ints, roles: Ints, moved: NDArray[np.bool_]) -> None:
+        """Count one frame.
+
+        Parameters
+        ----------
+        tracks
+            As of now.
+        shown
+            ``(n,)``, places in it of those that are seen and have a role.
+        roles
+            ``(n,)``, theirs, each at most once.
+        moved
+            ``(n,)``, whether each moved since the frame before.
+        """
+        more = int(tracks.classes[shown].max(initial=-1)) + 1 - self.classes.shape[1]
+        self.classes = np.pad(self.classes, ((0, 0), (0, max(more, 0))))
+        self.classes[roles, tracks.classes[shown]] += 1
+        away = tracks.centres_px[shown] - self.means[roles]  # Welford: from the old mean, then from the new one
+        self.means[roles] += away / self.seen[roles, None]
+        self.deviations[roles] += away * (tracks.centres_px[shown] - self.means[roles])
+        self.moves[roles] += np.column_stack([moved, tracks.ages[shown] > 0])
+        self.together[np.ix_(roles, roles)] += 1
+
+    def take_turns(self, role: int, other: int) -> bool:
+        """Tell whether two roles are hardly ever seen at once."""
+        rarer = self.together[[role, other], [role, other]].min()
+        return bool(self.together[role, other] <= MOST_TOGETHER * rarer)
+
+    def merge(self, role: int, other: int) -> None:
+        """Let one role have all that was counted of another, which is left with nothing."""
+        seen, more = self.seen[[role, other]]
+        way = self.means[other] - self.means[role]
+        self.means[role] += way * more / (seen + more)
+        self.deviations[role] += self.deviations[other] + way**2 * seen * more / (seen + more)  # Chan et al. (1979)
+        for counts in (self.classes, self.moves, self.together, self.together.T):
+            counts[role] += counts[other]
+            counts[other] = 0
+        self.deviations[other] = 0
+
+    def known(self, roles: Ints) -> Known:
+        """Return what tracks are measured against, for some roles."""
+        seen = self.seen[roles, None]
+        counts = np.pad(self.classes[roles], ((0, 0), (0, 1)))  # (k, c + 1), the last for classes never seen
+        return Known(
+            roles=roles,
+            surprises=-np.log((counts + 0.1) / (seen + 0.1 * counts.shape[1])),
+            means_px=self.means[roles],
+            variances=(self.deviations[roles] + _WIDTH_COUNT * _WIDTH_PX**2) / (seen + _WIDTH_COUNT),
+            mobilities=(self.moves[roles, 0] + 1) / (self.moves[roles, 1] + 2),
+        )
+
+    def to_arrays(self) -> Arrays:
+        """Return all counts."""
+        return {name: getattr(self, name).copy() for name in _NAMES}
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on where `to_arrays` was called."""
+        for name in _NAMES:
+            setattr(self, name, arrays[name].copy())
+
+
+def costs(tracks: Tracks, known: Known) -> NDArray[np.float64]:
+    """Return minus the log-likelihood of each track in each of k roles, ``(n, k)``, in nats.
+
+    `NEVER` stands where a track cannot have a role.
+    """
+    return _costs(tracks.classes, tracks.centres_px, tracks.moves, tracks.ages, tracks.unseen, tracks.roles, known)
+
+
+@compiled
+def _costs(  # noqa: PLR0917 - compiled functions take no keywords
+    classes: Ints, centres: Floats, moves: Ints, ages: Ints, unseen: Ints, held: Ints, known: Known
+) -> NDArray[np.float64]:
+    n_classes = known.surprises.shape[1]
+    result = np.empty((len(classes), len(known.roles)))
+    for i in range(result.shape[0]):
+        for j in range(result.shape[1]):
+            strange, width = 0.0, 0.0
+            for axis in range(2):
+                away = centres[i, axis] - known.means_px[j, axis]
+                strange += 0.5 * away * away / known.variances[j, axis]
+                width += 0.5 * np.log(known.variances[j, axis])
+            unrest = min(_misfit(moves[i], ages[i], known.mobilities[j]), _MOST_UNREST)
+            if held[i] == known.roles[j]:
+                total = strange + unrest + (_GIVES_UP if unseen[i] else -_KEEPS)
+                possible = moves[i] > 0 or ages[i] < STEADY_DECISIONS
+            else:
+                looks = unrest + known.surprises[j, min(classes[i], n_classes - 1)]
+                total = strange + looks
+                possible = looks <= _MOST_NEW and (
+                    moves[i] >= LEAST_MOVING_SHARE * ages[i] or ages[i] < STEADY_DECISIONS
+                )
+            result[i, j] = total + width if possible else NEVER
+    return result
+
+
+@compiled
+def _misfit(moves: int, ages: int, mobility: float) -> float:
+    """Return how much likelier so many moves are with their own rate than with the role's, in nats."""
+    total = 0.0
+    for n, rate in ((moves, mobility), (ages - moves, 1 - mobility)):
+        if n > 0:
+            total += n * np.log(n / (ages * rate))
+    return total

@@ -1,0 +1,259 @@
+"""Which tracks matter, and which place in the state each has: learned from how things move."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from semrl.core import IMAGE_SIZE_PX, Floats, Ints, Tracks
+from semrl.core.arrays import Arrays, nest, unnest
+from semrl.core.errors import DataError, UsageError
+from semrl.core.kernels import compiled
+from semrl.perception.tracking.following import MOVED_PX
+from semrl.perception.tracking.habits import LEAST_MOVING_SHARE, NEVER, STEADY_DECISIONS, Habits, costs
+from semrl.perception.tracking.influence import Influence
+
+SLOT_NUMBERS = ("x", "y", "seen")
+"""What is told of each slot."""
+
+AXES = ("x", "y")
+"""Those of them that are places."""
+
+LEAST_SEEN_SHARE = 0.02
+"""Share of the decisions at which a role must have been seen."""
+
+LEAST_SPREAD_PX = 2.0
+"""Standard deviation of its places that a role must have: the digits of a clock change, but stay where they are."""
+
+LEAST_INFLUENCE = 0.2
+"""Share of the variance of a role's steps that the actions must explain, else it is not controlled."""
+
+_MOST_ROLES = 64
+
+
+@dataclass(frozen=True, kw_only=True)
+class RolesConfig:
+    """What of the tracks an agent is told."""
+
+    frames: int = 500
+    """Frames of random play in which roles are learned."""
+    slots: int = 8
+    """Most roles that an agent is told of: what it controls, then those seen most."""
+
+    def __post_init__(self) -> None:
+        if self.frames < 1 or self.slots < 1:
+            raise UsageError(f"roles.frames and roles.slots must be 1 or more, not {self.frames} and {self.slots}")
+
+
+class Roles:
+    """Parts that objects play again and again, and the fixed vector that tells of them.
+
+    Identities end with an episode, and sooner where an object leaves the image; a role stays. It is known by its
+    habits: the classes that were seen in it, where it stays and how often it moves. A track that has moved and
+    fits no free role founds one. Whoever fits best has the role (all pairs at once, by likelihood; who has it
+    keeps it if in doubt). After `frames` of random play roles of one kind that take turns become one, and the roles
+    that move are given slots, ordered by kind, the older first; what stands still gets none. Whether the actions move
+    it is measured as well: see `Influence`.
+
+    Parameters
+    ----------
+    config
+        See `RolesConfig`.
+
+    Attributes
+    ----------
+    frames_ : int
+        Frames seen so far.
+    slots_ : ndarray
+        ``(k,)`` int64, the role in each slot, at most ``slots``; empty while roles are still being learned.
+    """
+
+    def __init__(self, config: RolesConfig | None = None) -> None:
+        self.config = config or RolesConfig()
+        self.frames_ = 0
+        self.slots_: Ints = np.zeros(0, np.int64)
+        self._habits = Habits()
+        self._influence = Influence()
+        self._know()
+
+    @property
+    def dimension(self) -> int:
+        """Length of the vectors."""
+        return self.config.slots * len(SLOT_NUMBERS)
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether enough was seen to give slots."""
+        return self.frames_ >= self.config.frames
+
+    @property
+    def kinds_(self) -> Ints:
+        """The class that each role mostly has, ``(r,)`` int64."""
+        return np.asarray(self._habits.classes.argmax(axis=1)) if len(self._habits) else np.zeros(0, np.int64)
+
+    @property
+    def means_px_(self) -> NDArray[np.float64]:
+        """Mean centre of each role, ``(r, 2)``, row and column."""
+        return self._habits.means.copy()
+
+    @property
+    def seen_(self) -> NDArray[np.float64]:
+        """Share of the frames in which each role was seen, ``(r,)``."""
+        return np.asarray(self._habits.seen / max(self.frames_, 1))
+
+    @property
+    def moving_(self) -> NDArray[np.float64]:
+        """Share of the decisions at which each role moved, ``(r,)``."""
+        moved, could = self._habits.moves.T
+        return np.asarray(moved / np.maximum(could, 1))
+
+    @property
+    def influence_(self) -> NDArray[np.float64]:
+        """Share of the variance of each role's steps that the actions explain, ``(r,)``."""
+        return self._influence.shares(len(self._habits))
+
+    @property
+    def controlled_(self) -> NDArray[np.bool_]:
+        """Whether the actions move each role, ``(r,)``."""
+        return self.influence_ >= LEAST_INFLUENCE
+
+    @property
+    def names_(self) -> tuple[str, ...]:
+        """What the roles in the slots are called: ``own`` is what the actions move, each other one an ``object``."""
+        own = self.controlled_[self.slots_]
+        return tuple(
+            ("own" if own.sum() == 1 else f"own {i}") if mine else f"object {i}" for i, mine in enumerate(own.tolist())
+        )
+
+    def partial_fit(self, tracks: Tracks, action: int | None = None) -> Self:
+        """Learn from one decision; they are expected in their order.
+
+        Parameters
+        ----------
+        tracks
+            As of now, with the roles that `predict` gave them before.
+        action
+            The one that led here; None at the beginning of an episode.
+        """
+        if self.is_fitted:
+            return self
+        self.frames_ += 1
+        roles = self.predict(tracks)
+        # What stands still has no part in it, or it would spoil the habits of a role that is free for a while.
+        steady = (tracks.ages >= STEADY_DECISIONS) & (tracks.moves >= LEAST_MOVING_SHARE * tracks.ages)
+        candidates = tracks.visible & steady
+        for i in np.flatnonzero(candidates & (roles < 0)):
+            if len(self._habits) < _MOST_ROLES:
+                roles[i] = len(self._habits)
+                self._habits.found()
+        shown = np.flatnonzero(candidates & (roles >= 0))
+        steps = tracks.velocities_px[shown]
+        self._habits.count(tracks, shown, roles[shown], moved=np.hypot(*steps.T) > MOVED_PX)
+        old = tracks.ages[shown] > 0
+        self._influence.learn(action, roles[shown[old]], steps[old])
+        if self.is_fitted:
+            self._merge()
+            self.slots_ = self._give_slots()
+        self._know()
+        return self
+
+    def predict(self, tracks: Tracks) -> Ints:
+        """Return the role of each track, ``(n,)`` int64; −1 for none.
+
+        Raises
+        ------
+        DataError
+            Nothing was learned yet.
+        """
+        if not self.frames_:
+            raise DataError("no roles are known yet: call partial_fit first")
+        matrix = costs(tracks, self._known)
+        rows, columns = linear_sum_assignment(matrix)
+        roles = np.full(len(tracks), -1, np.int64)
+        roles[rows] = np.where(matrix[rows, columns] < NEVER, self._known.roles[columns], -1)
+        return roles
+
+    def transform(self, tracks: Tracks) -> Floats:
+        """Write the tracks as a vector, ``(slots · 3,)`` float32: x and y in 0 … 1, and 1 if it is seen.
+
+        A role that is not there has its mean place and is not seen; a slot without a role is zeros.
+
+        Parameters
+        ----------
+        tracks
+            With their roles.
+        """
+        vector = self._at_rest.copy()
+        _write_slots(vector, self.slots_, tracks.roles, tracks.centres_px, tracks.unseen, IMAGE_SIZE_PX - 1)
+        return vector.ravel()
+
+    def read(self, vector: Floats) -> tuple[Ints, Floats]:
+        """Read what is seen from a vector of `transform`: the kind of each object, ``(n,)``, and its centre.
+
+        Centres are ``(n, 2)`` float32, row and column in pixels of the 84×84 image.
+        """
+        slots = vector.reshape(self.config.slots, len(SLOT_NUMBERS))[: len(self.slots_)]
+        seen = slots[:, 2] > 0.5
+        return self._slot_kinds[seen], slots[seen, 1::-1] * np.float32(IMAGE_SIZE_PX - 1)
+
+    def to_arrays(self) -> Arrays:
+        """Return what was counted."""
+        return {
+            "frames": np.array(self.frames_),
+            "slots": self.slots_.copy(),
+            **nest(
+                habits=self._habits.to_arrays(),
+                influence=self._influence.to_arrays(),
+            ),
+        }
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on where `to_arrays` was called."""
+        self.frames_ = int(arrays["frames"])
+        self.slots_ = arrays["slots"].copy()
+        self._habits.from_arrays(unnest(arrays, "habits"))
+        self._influence.from_arrays(unnest(arrays, "influence"))
+        self._know()
+
+    @property
+    def _matter(self) -> NDArray[np.bool_]:
+        strays = self._habits.spreads_px >= LEAST_SPREAD_PX
+        return strays & (self.moving_ >= LEAST_MOVING_SHARE) & (self.seen_ >= LEAST_SEEN_SHARE)
+
+    def _merge(self) -> None:
+        """Make one of roles that matter, are of one kind and take turns: an object that looked odd founded a second."""
+        for role in np.argsort(-self.seen_, kind="stable").tolist():
+            for other in range(len(self._habits)):
+                alike = self._matter[[role, other]].all() and self.kinds_[role] == self.kinds_[other]
+                if role != other and alike and self._habits.take_turns(role, other):
+                    self._habits.merge(role, other)
+                    self._influence.merge(role, other)
+
+    def _give_slots(self) -> Ints:
+        """Choose the roles that move, those first that are controlled, then those seen most; order them by kind."""
+        order = np.lexsort((-self.seen_, ~self.controlled_))
+        roles = np.sort(order[self._matter[order]][: self.config.slots])
+        return np.asarray(roles[np.argsort(self.kinds_[roles], kind="stable")])
+
+    def _know(self) -> None:
+        """Note what tracks are measured against, all roles while they are learned, then those with slots; and these."""
+        self._known = self._habits.known(self.slots_ if self.is_fitted else np.arange(len(self._habits)))
+        self._slot_kinds = self.kinds_[self.slots_]
+        self._at_rest: Floats = np.zeros((self.config.slots, len(SLOT_NUMBERS)), np.float32)
+        self._at_rest[: len(self.slots_), :2] = self._habits.means[self.slots_, ::-1]
+        self._at_rest[:, :2] /= IMAGE_SIZE_PX - 1
+
+
+@compiled
+def _write_slots(  # noqa: PLR0917 - compiled functions take no keywords
+    vector: Floats, slots: Ints, roles: Ints, centres_px: Floats, unseen: Ints, last_px: int
+) -> None:
+    """Write the tracks that have a role with a slot into ``(slots, 3)``."""
+    for slot in range(len(slots)):
+        for i in range(len(roles)):
+            if roles[i] == slots[slot]:
+                vector[slot, 0] = centres_px[i, 1] / np.float32(last_px)
+                vector[slot, 1] = centres_px[i, 0] / np.float32(last_px)
+                vector[slot, 2] = unseen[i] == 0

@@ -1,0 +1,117 @@
+"""Final reasoning (§3.4.4): which scenario is best."""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.core import Floats, Ints, MapGraph, Plan, Scenarios
+from semrl.planning.long_term import Routes
+
+OFF_PATH = -1
+
+
+class Locator(Protocol):
+    """A map that knows the node of a state."""
+
+    @property
+    def graph_(self) -> MapGraph:
+        """The map."""
+        ...
+
+    def locate(self, states: Floats) -> Ints:
+        """Return the positions of the nodes of ``(b, m)`` states, ``(b,)``."""
+        ...
+
+
+def rank(
+    scenarios: Scenarios,
+    start: Floats,
+    ends: Floats,
+    state_map: Locator,
+    routes: Routes,
+    *,
+    discount: float = 1.0,
+    caution: float = 0.0,
+) -> Plan:
+    """Sort scenarios by return, then progress along the path, then closeness to the node reached (§3.4.4).
+
+    The return is what is predicted, and what is expected beyond, less what is doubtful about it. While no reward was
+    ever met, the scenario that ends farthest from all that is known comes first, in place of the closest (D81).
+
+    Parameters
+    ----------
+    scenarios
+        As imagined, ``s`` of them.
+    start, ends
+        ``(1, m)`` and ``(s, m)``, where they begin and end on the map.
+    state_map, routes
+        The map and its long-term plan.
+    discount
+        What a reward counts one decision later.
+    caution
+        What doubts count.
+
+    Returns
+    -------
+    Plan
+        With the best scenario first; of equal ones the first stays first. A scenario that ends off the path is
+        measured by its distance to the path's end. On an empty map only the reward counts.
+    """
+    graph = state_map.graph_
+    weights = discount ** np.arange(scenarios.rewards.shape[1], dtype=np.float64)  # (t,)
+    returns = (scenarios.rewards * weights).sum(axis=1)  # (s,); a matrix product would round equal rows differently
+    returns += discount ** len(weights) * scenarios.values
+    if scenarios.doubts is not None:
+        returns -= caution * scenarios.doubts
+    node, path, end_nodes, progress, gaps = _places(start, ends, state_map, routes)
+    novelty = len(graph) > 0 and not graph.rewards.any()
+    order = np.lexsort((-gaps if novelty else gaps, -progress, -returns))
+    return Plan(
+        node=node,
+        path=path,
+        scenarios=_take(scenarios, order),
+        returns=returns[order],
+        end_nodes=end_nodes[order],
+        progress=progress[order],
+        seeks_novelty=novelty,
+    )
+
+
+def _places(
+    start: Floats, ends: Floats, state_map: Locator, routes: Routes
+) -> tuple[int, Ints, Ints, Ints, NDArray[np.float64]]:
+    """Return the node of the start, the path from it, and of each end its node, progress and distance to what counts.
+
+    On an empty map there are none: −1, and 0 for the distance.
+    """
+    graph = state_map.graph_
+    if not len(graph):
+        nowhere = np.full(len(ends), -1)
+        return -1, np.zeros(0, np.int64), nowhere, nowhere, np.zeros(len(ends))
+    nodes = state_map.locate(np.concatenate([start, ends]))
+    node, end_nodes = int(nodes[0]), nodes[1:]
+    path = routes.path(node)
+    progress = _progress(path, end_nodes)
+    reached = np.where(progress == OFF_PATH, path[-1] if len(path) else end_nodes, end_nodes)
+    gaps = np.linalg.norm(ends - graph.node_means[reached], axis=1)  # (s,)
+    return node, path, end_nodes, progress, gaps
+
+
+def _progress(path: Ints, nodes: Ints) -> Ints:
+    """Return how far along the path each node lies, or −1."""
+    matches = nodes[:, None] == path[None, :]  # (s, p)
+    if not matches.size:
+        return np.full(len(nodes), OFF_PATH)
+    return np.where(matches.any(axis=1), matches.argmax(axis=1), OFF_PATH)
+
+
+def _take(scenarios: Scenarios, order: Ints) -> Scenarios:
+    """Return the same scenarios in another order."""
+    return Scenarios(
+        actions=scenarios.actions[order],
+        states=scenarios.states[order],
+        rewards=scenarios.rewards[order],
+        values=scenarios.values[order],
+        doubts=None if scenarios.doubts is None else scenarios.doubts[order],
+    )

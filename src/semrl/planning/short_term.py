@@ -1,0 +1,100 @@
+"""Short-term planning (§3.4.3): which sequences of actions are rolled forward through the model of the world."""
+
+import itertools
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from semrl.core import Ints
+from semrl.core.errors import UsageError
+
+MAX_SCENARIOS = 4096
+_POOL = 64  # decisions until the same drawn sequences come again
+_TURNS = 6  # most stretches of a drawn sequence
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ShortTermConfig:
+    """Settings of `action_sequences`."""
+
+    depth: int = 5
+    """Actions of a scenario."""
+    scenarios: int = 0
+    """Sequences that are tried, drawn at random with few changes of action (random shooting); 0: all there are."""
+    kept_share: float = 0.25
+    """Of drawn sequences: share that begins like the plan before, the first of which is that plan."""
+
+    def __post_init__(self) -> None:
+        if self.depth < 1:
+            raise UsageError(f"short_term.depth must be 1 or more, not {self.depth}")
+        if not 0 <= self.scenarios <= MAX_SCENARIOS:
+            raise UsageError(f"short_term.scenarios must lie in 0 … {MAX_SCENARIOS:,}, not {self.scenarios}")
+        if not 0 <= self.kept_share <= 1:
+            raise UsageError(f"short_term.kept_share must lie in 0 … 1, not {self.kept_share}")
+
+
+def action_sequences(n_actions: int, config: ShortTermConfig, *, number: int = 0, proposed: Ints | None = None) -> Ints:
+    """Return the sequences of actions to be tried at a decision, ``(s, depth)`` int64.
+
+    Parameters
+    ----------
+    n_actions
+        Number of actions.
+    config
+        How many, and how long.
+    number
+        Of the decision: others are drawn at the next one. It decides alone, so a plan can be made again.
+    proposed
+        ``(t,)``, what is left of the plan before; None or empty where there was none.
+
+    Raises
+    ------
+    UsageError
+        When all were asked for and they are more than 4,096.
+    """
+    if not config.scenarios:
+        return _all_sequences(n_actions, config.depth)
+    drawn, kept = _drawn_sequences(n_actions, config)
+    turn = slice(number % _POOL * config.scenarios, (number % _POOL + 1) * config.scenarios)
+    if proposed is None or not len(proposed):
+        return drawn[turn]
+    plan = np.append(proposed, np.full(max(config.depth - len(proposed), 0), proposed[-1]))[: config.depth]
+    sequences: Ints = np.where(np.arange(config.depth) < kept[turn, None], plan, drawn[turn])
+    return sequences
+
+
+@lru_cache(maxsize=16)
+def _all_sequences(n_actions: int, depth: int) -> Ints:
+    """Return all sequences, ``(n_actions ** depth, depth)``, in ascending order."""
+    if n_actions ** min(depth, MAX_SCENARIOS.bit_length()) > MAX_SCENARIOS:  # more could not even be counted
+        raise UsageError(
+            f"{n_actions} actions make more than {MAX_SCENARIOS:,} scenarios of depth {depth}; "
+            "choose a smaller short_term.depth, or how many are tried with short_term.scenarios"
+        )
+    sequences: Ints = np.array(list(itertools.product(range(n_actions), repeat=depth)), dtype=np.int64)
+    sequences.flags.writeable = False  # it is shared by all callers
+    return sequences
+
+
+@lru_cache(maxsize=16)
+def _drawn_sequences(n_actions: int, config: ShortTermConfig) -> tuple[Ints, Ints]:
+    """Draw a pool of sequences, ``(k, depth)``, and how much of the plan before each keeps, ``(k,)``.
+
+    A sequence is a few stretches of random length. In most of them an action is held; in some two take turns, which
+    keeps a thing in place that can only be pushed one way or the other.
+    """
+    rng = np.random.default_rng(0)
+    count, depth = _POOL * config.scenarios, config.depth
+    ends = np.cumsum(rng.integers(1, depth + 1, size=(count, _TURNS)), axis=1)
+    stretch = np.minimum((np.arange(depth)[None, :, None] >= ends[:, None, :]).sum(axis=2), _TURNS - 1)
+    held = rng.integers(n_actions, size=(count, _TURNS))
+    other = np.where(rng.random((count, _TURNS)) < 0.3, rng.integers(n_actions, size=(count, _TURNS)), held)
+    rows = np.arange(count)[:, None]
+    drawn = np.where(np.arange(depth) % 2, other[rows, stretch], held[rows, stretch])
+    place = np.arange(count) % config.scenarios
+    kept = np.where(place < config.kept_share * config.scenarios, rng.integers(depth, size=count), 0)
+    kept[(place == 0) & (config.kept_share > 0)] = depth
+    for shared in (drawn, kept):
+        shared.flags.writeable = False
+    return drawn, kept

@@ -1,5 +1,0 @@
-"""Objects as few numbers (§3.2.2)."""
-
-from semrl.reduction.pca import ObjectPCA, PCAConfig
-
-__all__ = ["ObjectPCA", "PCAConfig"]

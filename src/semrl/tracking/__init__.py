@@ -1,6 +1,0 @@
-"""Objects through time: which is which, where each goes, and which of them matter."""
-
-from semrl.tracking.following import TrackingConfig, follow, no_tracks
-from semrl.tracking.roles import AXES, SLOT_NUMBERS, Roles, RolesConfig
-
-__all__ = ["AXES", "SLOT_NUMBERS", "Roles", "RolesConfig", "TrackingConfig", "follow", "no_tracks"]

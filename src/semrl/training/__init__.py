@@ -1,0 +1,16 @@
+"""Training: a run and its folder, its configuration, the loop in which everything learns."""
+
+from semrl.training.config import PRESETS, EvaluationConfig, RunConfig, preset
+from semrl.training.folder import RunFolder
+from semrl.training.session import TrainResult, build_trainer, train
+
+__all__ = [
+    "PRESETS",
+    "EvaluationConfig",
+    "RunConfig",
+    "RunFolder",
+    "TrainResult",
+    "build_trainer",
+    "preset",
+    "train",
+]

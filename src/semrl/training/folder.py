@@ -1,0 +1,246 @@
+"""The folder of a run: configuration, manifest, metrics, checkpoints, results."""
+
+import json
+import os
+import platform
+import shutil
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, Self
+
+from semrl.core.arrays import Arrays, array_to_json, json_to_array
+from semrl.core.errors import SemrlError, UsageError
+from semrl.core.files import locked, make_folder, read_arrays, write_arrays, write_text
+from semrl.training.config import RunConfig, from_dict, read_toml, write_toml
+
+FORMAT = 1
+"""Number of the layout of run folders; raised when older ones can no longer be read."""
+
+KEPT_CHECKPOINTS = 2
+PLAYABLE = (
+    "pipeline/", "agent/network/", "reasoner/state_map/", "reasoner/world/next_state/", "reasoner/world/reward/",
+    "reasoner/world/forests/", "reasoner/world/counts", "reasoner/world/columns", "reasoner/world/varying",
+    "reasoner/world/inertia",
+    "schooling/position", "decisions",
+)  # fmt: skip
+"""What the arrays begin with that are needed to play."""
+_PROVENANCE = ("semrl", "ale-py", "gymnasium", "numpy", "opencv-python-headless", "scikit-learn", "torch")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Checkpoint:
+    """The whole state of a run at one decision, and what belongs beside it."""
+
+    arrays: Arrays
+    metrics_rows: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """Paths and files of one run."""
+
+    path: Path
+
+    @classmethod
+    def create(cls, path: Path, config: RunConfig) -> Self:
+        """Make the folder, whole or not at all.
+
+        Raises
+        ------
+        UsageError
+            When there is something at this path already.
+        """
+        if path.exists():
+            raise UsageError(
+                f"{path} exists: go on with it (semrl train --run {path} --resume) or choose another folder"
+            )
+        temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+        folder = cls(temporary)
+        try:
+            (temporary / "checkpoints").mkdir(parents=True)
+            write_text(temporary / "config.toml", write_toml(config))
+            folder.write_manifest(_provenance(config))
+            temporary.rename(path)
+        except OSError as error:
+            raise UsageError(f"cannot make {path}: {error.strerror}") from error
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+        return cls(path)
+
+    @classmethod
+    def open(cls, path: Path) -> Self:
+        """Find an existing run.
+
+        Raises
+        ------
+        UsageError
+            When there is none, or it was left half-written, or is of another version.
+        """
+        folder = cls(path)
+        if not path.is_dir():
+            raise UsageError(f"there is no run at {path}")
+        if not (path / "config.toml").is_file() or not folder.manifest_path.is_file():
+            raise UsageError(f"{path} is not a run, or only half of one: config.toml or manifest.json is missing")
+        written = folder.manifest().get("format")
+        if written != FORMAT:
+            raise UsageError(f"{path} has format {written}; this semrl reads format {FORMAT}")
+        return folder
+
+    @property
+    def manifest_path(self) -> Path:
+        """Where the manifest is."""
+        return self.path / "manifest.json"
+
+    @property
+    def metrics_path(self) -> Path:
+        """Where the metrics are."""
+        return self.path / "metrics.csv"
+
+    def config(self) -> RunConfig:
+        """Read the configuration."""
+        path = self.path / "config.toml"
+        return from_dict(read_toml(path), source=str(path))
+
+    def manifest(self) -> dict[str, Any]:
+        """Read the manifest: versions, machine, seed, status, hashes."""
+        try:
+            content = json.loads(self.manifest_path.read_text())
+            if not isinstance(content, dict) or not {"format", "status"} <= content.keys():
+                raise ValueError("it says nothing of format and status")
+        except (OSError, ValueError) as error:
+            raise UsageError(f"{self.manifest_path} is damaged: {error}") from None
+        return content
+
+    def write_manifest(self, content: dict[str, Any]) -> None:
+        """Replace the manifest."""
+        write_text(self.manifest_path, json.dumps(content, indent=2) + "\n")
+
+    def update_manifest(self, **changes: Any) -> None:
+        """Change some entries of the manifest."""
+        self.write_manifest(self.manifest() | changes)
+
+    def checkpoints(self) -> list[Path]:
+        """Return the checkpoints, oldest first."""
+        return sorted((self.path / "checkpoints").glob("*.npz"))
+
+    def save(self, checkpoint: Checkpoint, *, keep: int = KEPT_CHECKPOINTS) -> Path:
+        """Write a checkpoint, then remove the ones before the last few."""
+        path = self.path / "checkpoints" / _file_name(checkpoint)
+        _write(path, checkpoint)
+        for old in self.checkpoints()[:-keep]:
+            old.unlink()
+        return path
+
+    def milestones(self) -> dict[int, Path]:
+        """Return what is kept of the way, by decisions."""
+        return {int(path.stem): path for path in sorted((self.path / "milestones").glob("*.npz"))}
+
+    def save_milestone(self, checkpoint: Checkpoint) -> None:
+        """Keep what is needed to play, for good."""
+        make_folder(self.path / "milestones")
+        playable = replace(checkpoint, arrays=weights(checkpoint.arrays))
+        _write(self.path / "milestones" / _file_name(checkpoint), playable)
+
+    def load(self, prefixes: tuple[str, ...] = ("",), at: int | None = None) -> Checkpoint | None:
+        """Read the newest checkpoint or a milestone, or only arrays whose names begin with one of the prefixes.
+
+        Returns None when there is no checkpoint yet.
+
+        Raises
+        ------
+        UsageError
+            When there is no such milestone.
+        SemrlError
+            When it is damaged; the message says how to go back to the one before.
+        """
+        paths = self.checkpoints() if at is None else [self._milestone(at)]
+        if not paths:
+            return None
+        try:
+            arrays = read_arrays(paths[-1], prefixes=("meta", *prefixes))
+            meta = _read_meta(paths[-1], arrays)
+        except SemrlError as error:
+            before = f"to go on from {paths[-2].name}" if len(paths) > 1 else "to start again"
+            raise SemrlError(f"{error}; delete this file {before}") from None
+        if meta["format"] != FORMAT:
+            raise UsageError(f"{paths[-1]} has format {meta['format']}; this semrl reads format {FORMAT}")
+        return Checkpoint(arrays=arrays, metrics_rows=meta["metrics_rows"], seconds=meta["seconds"])
+
+    def _milestone(self, at: int) -> Path:
+        kept = self.milestones()
+        if at not in kept:
+            there = f"those of decisions {', '.join(map(str, kept))}" if kept else "none"
+            raise UsageError(f"{self.path} has no milestone of decision {at}, there are {there}")
+        return kept[at]
+
+    def locked(self) -> AbstractContextManager[None]:
+        """Keep other processes from training the same run.
+
+        Raises
+        ------
+        UsageError
+            On entering, when another process has it.
+        """
+        return locked(self.path / "lock", f"{self.path} is being trained by another process")
+
+    def clean(self) -> None:
+        """Remove what an interrupted training left behind; what others write into the folder meanwhile is theirs."""
+        for left in [
+            *self.path.glob("metrics.csv*.tmp"),
+            *self.path.glob("manifest.json*.tmp"),
+            *self.path.glob("checkpoints/*.tmp"),
+            *self.path.glob("milestones/*.tmp"),
+        ]:
+            left.unlink()
+
+
+def _file_name(checkpoint: Checkpoint) -> str:
+    return f"{int(checkpoint.arrays['decisions']):010d}.npz"
+
+
+def _write(path: Path, checkpoint: Checkpoint) -> None:
+    """Write arrays and, as one more of them, what belongs beside them."""
+    meta = {"format": FORMAT, "metrics_rows": checkpoint.metrics_rows, "seconds": checkpoint.seconds}
+    write_arrays(path, {"meta": json_to_array(meta), **checkpoint.arrays})
+
+
+def _read_meta(path: Path, arrays: Arrays) -> dict[str, Any]:
+    """Take what belongs beside a checkpoint's arrays out of them."""
+    try:
+        meta = array_to_json(arrays.pop("meta"))
+        return {name: meta[name] for name in ("format", "metrics_rows", "seconds")}
+    except (KeyError, TypeError, ValueError):
+        raise SemrlError(f"{path} is no checkpoint: what it says of itself is missing") from None
+
+
+def _provenance(config: RunConfig) -> dict[str, Any]:
+    return {
+        "format": FORMAT,
+        "status": "new",
+        "model": config.model,
+        "env": config.env,
+        "seed": config.seed,
+        "versions": {"python": platform.python_version(), **{name: _version(name) for name in _PROVENANCE}},
+        "machine": {"system": platform.system(), "processor": platform.machine(), "cores": os.cpu_count()},
+        "threads": config.threads,
+    }
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def lasting(arrays: Arrays) -> Arrays:
+    """Return what a finished run keeps: what is needed to play, and for map and models to learn from further play."""
+    return {name: value for name, value in arrays.items() if name.startswith((*PLAYABLE, "reasoner/"))}
+
+
+def weights(arrays: Arrays) -> Arrays:
+    """Return what is needed to play, out of a whole state: perception, the Q-network, the map and its models."""
+    return {name: value for name, value in arrays.items() if name.startswith(PLAYABLE)}

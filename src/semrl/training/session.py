@@ -1,0 +1,254 @@
+"""A training run from its folder: begin or go on, save on the way, finish."""
+
+import contextlib
+import signal
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import cv2
+import numpy as np
+import torch
+from threadpoolctl import threadpool_limits
+
+from semrl.agents import DQN
+from semrl.core.arrays import Arrays, digest, unnest
+from semrl.core.errors import SemrlError, UsageError
+from semrl.core.signals import handling
+from semrl.envs import Game, make_env, rom_name
+from semrl.perception.config import MODELS
+from semrl.perception.pipeline import Pipeline
+from semrl.perception.pretraining.schedule import Schooling
+from semrl.planning.module import MAP_MODELS, Reasoner
+from semrl.training.config import RunConfig
+from semrl.training.folder import Checkpoint, RunFolder, lasting, weights
+from semrl.training.metrics import MetricsFile
+from semrl.training.trainer import Observer, Row, Trainer
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainResult:
+    """What `train` has to tell; ``return_mean_last10`` is None when no episode was finished."""
+
+    run: str
+    model: str
+    env: str
+    seed: int
+    frames: int
+    decisions: int
+    episodes: int
+    return_mean_last10: float | None
+    seconds: float
+
+
+def train(path: str | Path, config: RunConfig | None = None, *, observers: Sequence[Observer] = ()) -> TrainResult:
+    """Train a run to the end of its budget.
+
+    Parameters
+    ----------
+    path
+        Folder of the run.
+    config
+        Of a new run; None to go on with the one that is there. What comes out is the same, bit for
+        bit, however often a run was interrupted (same machine, same number of threads).
+    observers
+        Watch the training.
+
+    Raises
+    ------
+    UsageError
+        When the folder exists (new run) or is no run (resume), or the configuration cannot work.
+    SemrlError
+        When training fails or is stopped by SIGINT or SIGTERM; the last good checkpoint is kept.
+    """
+    path = Path(path)
+    if config is not None:
+        build_trainer(config)  # what cannot work is told before anything is written
+        folder = RunFolder.create(path, config)
+    else:
+        folder = RunFolder.open(path)
+        config = folder.config()
+    with limited_threads(config.threads):
+        return _Session(folder, config, observers).run()
+
+
+def build_trainer(config: RunConfig, observers: Sequence[Observer] = ()) -> Trainer:
+    """Make all parts of a run and wire them."""
+    env = make_env(config.env, config.environment)
+    seeds = [int(seed) for seed in np.random.SeedSequence(config.seed).generate_state(4)]
+    game = Game(env, seeds[0])
+    reasons = config.model in MAP_MODELS
+    pipeline = Pipeline(config.pipeline, MODELS[config.model], rom_name(env), listed=reasons)
+    reasoner = None
+    if reasons:
+        first, after = pipeline.facts.start, pipeline.facts.stop
+        reasoner = Reasoner(
+            config.reasoning, after - first, game.n_actions, seed=seeds[3], first=first, axes=pipeline.axes
+        )
+    goal_size = reasoner.goal_size if reasoner else 0
+    agent = DQN(
+        config.agent,
+        (pipeline.shape[0] + goal_size, *pipeline.shape[1:]),
+        pipeline.dtype,
+        game.n_actions,
+        seed=seeds[1],
+        goal_size=goal_size,
+        budget=config.decisions,
+    )
+    schooling = Schooling(pipeline, config.stability)
+    return Trainer(
+        game,
+        pipeline,
+        schooling,
+        agent,
+        reasoner,
+        decisions=config.decisions,
+        seed=seeds[2],
+        observers=observers,
+    )
+
+
+@contextlib.contextmanager
+def limited_threads(threads: int) -> Iterator[None]:
+    """Use so many processor threads and no more, in every library."""
+    before = torch.get_num_threads(), cv2.getNumThreads()
+    torch.set_num_threads(threads)
+    cv2.setNumThreads(threads)
+    try:
+        with threadpool_limits(threads):
+            yield
+    finally:
+        torch.set_num_threads(before[0])
+        cv2.setNumThreads(before[1])
+
+
+class _Session:
+    """One process's share of a run: from its newest checkpoint to the end of the budget."""
+
+    def __init__(self, folder: RunFolder, config: RunConfig, observers: Sequence[Observer]) -> None:
+        self.folder = folder
+        self.config = config
+        self.trainer = build_trainer(config, [self, *observers])
+        self._stopped_by: signal.Signals | None = None
+        self._phase = self.trainer.phase
+        self._saved_at = time.monotonic()
+
+    def run(self) -> TrainResult:
+        """Go on to the end of the budget; a finished run only tells its result, unless what it learned is gone."""
+        manifest = self.folder.manifest()
+        if manifest["status"] == "finished" and self.folder.checkpoints():
+            return _told_before(manifest, self.folder)
+        with self.folder.locked(), handling(self._stop, signal.SIGINT, signal.SIGTERM):
+            self._begin()
+            try:
+                self.trainer.run()
+                return self._finish()
+            except Exception:
+                with contextlib.suppress(SemrlError):  # a full disk must not hide the first error
+                    self.folder.update_manifest(status="interrupted" if self._stopped_by else "failed")
+                raise
+            finally:
+                self.metrics.close()
+
+    def on_row(self, row: Row) -> None:
+        """Write what was measured."""
+        self.metrics.write(row)
+
+    def on_decision(self, trainer: Trainer) -> None:
+        """Save when it is time, at milestones, at the end of each phase, and when asked to stop."""
+        if trainer.decisions_ in self.config.milestones:
+            self.folder.save_milestone(self._checkpoint())
+        due = time.monotonic() - self._saved_at > self.config.checkpoint_seconds
+        if due or trainer.phase != self._phase or self._stopped_by:
+            self._phase = trainer.phase
+            self._save()
+        if self._stopped_by:
+            raise SemrlError(
+                f"stopped by {self._stopped_by.name} after {trainer.decisions_:,} decisions; "
+                f"go on with: semrl train --run {self.folder.path} --resume"
+            )
+
+    def _begin(self) -> None:
+        """Stand where the newest checkpoint stands, if there is one."""
+        self.folder.clean()
+        checkpoint = self.folder.load()
+        if checkpoint:
+            self._restore(checkpoint)
+        n_rows, seconds = (checkpoint.metrics_rows, checkpoint.seconds) if checkpoint else (0, 0.0)
+        self.metrics = MetricsFile(self.folder.metrics_path, n_rows=n_rows, seconds=seconds)
+        self._phase = self.trainer.phase
+        self._saved_at = time.monotonic()
+        self.folder.update_manifest(status="running")
+
+    def _restore(self, checkpoint: Checkpoint) -> None:
+        try:
+            self.trainer.from_arrays(checkpoint.arrays)
+        except (KeyError, ValueError, TypeError, RuntimeError) as error:
+            name = self.folder.checkpoints()[-1]
+            raise SemrlError(f"{name} does not fit this run's configuration ({error})") from error
+
+    def _save(self) -> None:
+        checkpoint = self._checkpoint()
+        self.metrics.flush()
+        self.folder.save(checkpoint)
+        self._saved_at = time.monotonic()
+
+    def _checkpoint(self) -> Checkpoint:
+        arrays = self.trainer.to_arrays()
+        _check_weights(arrays)
+        return Checkpoint(arrays=arrays, metrics_rows=self.metrics.n_rows, seconds=self.metrics.seconds)
+
+    def _finish(self) -> TrainResult:
+        """Note the hashes of everything, then keep what play and reasoning need and drop the rest."""
+        self._save()  # until the manifest says "finished", who goes on needs the whole state
+        arrays = self.trainer.to_arrays()
+        result = self._result()
+        self.folder.update_manifest(
+            status="finished",
+            hashes={"state": digest(arrays), "weights": digest(weights(arrays))},
+            result=result.__dict__,
+        )
+        checkpoint = Checkpoint(arrays=lasting(arrays), metrics_rows=self.metrics.n_rows, seconds=result.seconds)
+        self.folder.save(checkpoint, keep=1)
+        return result
+
+    def _result(self) -> TrainResult:
+        returns = self.trainer.returns_
+        return TrainResult(
+            run=str(self.folder.path),
+            model=self.config.model,
+            env=self.config.env,
+            seed=self.config.seed,
+            frames=self.trainer.decisions_ * self.config.environment.frame_skip,
+            decisions=self.trainer.decisions_,
+            episodes=len(returns),
+            return_mean_last10=float(np.mean(returns[-10:])) if returns else None,
+            seconds=round(self.metrics.seconds, 1),
+        )
+
+    def _stop(self, number: int, _frame: FrameType | None) -> None:
+        """Note a person's wish to stop; it is granted between two decisions."""
+        self._stopped_by = signal.Signals(number)
+
+
+def _check_weights(arrays: Arrays) -> None:
+    """Keep weights that are not numbers out of the checkpoints: the last good one stays."""
+    settings = {
+        "agent/network": "--agent.learning-rate",
+        "reasoner/world/next_state/network/layers": "--reasoning.models.next-state.learning-rate",
+        "reasoner/world/reward/network/layers": "--reasoning.models.reward.learning-rate",
+    }
+    for part, setting in settings.items():
+        if not all(np.isfinite(value).all() for value in unnest(arrays, part).values()):
+            raise SemrlError(f"the weights are no longer numbers: learning has diverged; try a smaller {setting}")
+
+
+def _told_before(manifest: Mapping[str, Any], folder: RunFolder) -> TrainResult:
+    """Return the result that a finished run has noted."""
+    try:
+        return TrainResult(**manifest["result"] | {"run": str(folder.path)})
+    except (KeyError, TypeError):
+        raise UsageError(f"{folder.manifest_path} is damaged: it does not hold the result of the run") from None

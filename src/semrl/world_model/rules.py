@@ -1,0 +1,165 @@
+"""What the trees have learned, as rules that a person can read and check.
+
+A forest's trees have hundreds of leaves; most of them correct a few cases. Pruned from below where the least is lost
+(cost-complexity pruning, Breiman et al. 1984) the few that say most are left.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from semrl.core.errors import UsageError
+from semrl.world_model.tree_kernels import Relations
+from semrl.world_model.trees import Tree
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Rule:
+    """If all conditions hold, a number changes by so much.
+
+    Attributes
+    ----------
+    about
+        The number that is predicted.
+    conditions
+        In words; none when it always holds.
+    value
+        The change, or the reward.
+    decisions
+        For which it held.
+    error
+        Root mean squared error in them.
+    """
+
+    about: str
+    conditions: tuple[str, ...]
+    value: float
+    decisions: int
+    error: float
+
+
+def feature_names(names: Sequence[str], past_states: int, past_actions: int, relations: Relations) -> list[str]:
+    """Name the columns of `semrl.world_model.tree_kernels.lay_out`."""
+    changes = [
+        f"the last change of {name}" if h == 0 else f"the change of {name} {h + 1} decisions ago"
+        for h in range(past_states - 1)
+        for name in names
+    ]
+    pairs, distances = relations
+    compared = [
+        text
+        for one, other in ((names[i], names[j]) for i, j in pairs.tolist())
+        for text in (
+            f"{one} − {other}",
+            f"{one} − {other}, if both go on,",
+            *((f"|{one} − {other}|", f"|{one} − {other}|, if both go on,") if distances else ()),
+        )
+    ]
+    actions = ["the action", *(f"the action {k + 1} before" for k in range(past_actions))]
+    return [*names, *(f"{name}, if it goes on," for name in names), *changes, *compared, *actions]
+
+
+def read_rules(
+    tree: Tree,
+    about: str,
+    names: Sequence[str],
+    actions: Sequence[str],
+    *,
+    most: int = 8,
+    scale: float = 1.0,
+    value_scale: float = 1.0,
+) -> list[Rule]:
+    """Read the rules of a tree, those that hold most often first.
+
+    Parameters
+    ----------
+    tree
+        For one number.
+    about
+        Name of that number.
+    names
+        Of the columns, as `feature_names` gives them.
+    actions
+        Names of the actions.
+    most
+        Rules that are left.
+    scale, value_scale
+        What one unit of the columns, and one of what the tree predicts, is called.
+
+    Raises
+    ------
+    UsageError
+        When less than one rule is asked for.
+    """
+    if most < 1:
+        raise UsageError(f"at least one rule must be asked for, not {most}")
+    leaves = _pruned(tree, most)
+    found: list[Rule] = []
+    open_nodes: list[tuple[int, dict[int, tuple[float, float]]]] = [(0, {})]
+    while open_nodes:
+        node, bounds = open_nodes.pop()
+        if node in leaves:
+            conditions = tuple(_condition(names[column], *bound, actions, scale) for column, bound in bounds.items())
+            found.append(
+                Rule(
+                    about=about,
+                    conditions=conditions,
+                    value=value_scale * float(tree.means[node]),
+                    decisions=int(tree.rows[node]),
+                    error=value_scale * float(np.sqrt(tree.errors[node])),
+                )
+            )
+            continue
+        column, cut = int(tree.columns[node]), float(tree.cuts[node])
+        low, high = bounds.get(column, (-np.inf, np.inf))
+        open_nodes.append((int(tree.left[node]), bounds | {column: (low, min(high, cut))}))
+        open_nodes.append((int(tree.left[node]) + 1, bounds | {column: (max(low, cut), high)}))
+    return sorted(found, key=lambda rule: -rule.decisions)
+
+
+def sentence(rule: Rule) -> str:
+    """Say a rule: what changes, when, and in how many decisions it was seen."""
+    when = f", if {' and '.join(rule.conditions)}" if rule.conditions else ", always"
+    within = "exactly" if rule.error == 0 else f"± {rule.error:.2g}"
+    value = round(rule.value, 3) + 0.0  # never −0
+    return f"{value:+.3g}{when}  ({rule.decisions:,} decisions, {within})"
+
+
+def _pruned(tree: Tree, most: int) -> set[int]:
+    """Return the nodes that are leaves when a tree is pruned to so many."""
+    inner = tree.columns >= 0
+    loss = tree.rows * tree.errors  # of a node as a leaf
+    leaves = set(np.flatnonzero(~inner).tolist())
+    parents = {int(child): node for node in np.flatnonzero(inner).tolist() for child in _children(tree, node)}
+    candidates = {
+        node: loss[node] - loss[list(_children(tree, node))].sum()
+        for node in np.flatnonzero(inner).tolist()
+        if leaves.issuperset(_children(tree, node))
+    }
+    while len(leaves) > most and candidates:
+        node = min(candidates, key=lambda one: candidates[one])
+        del candidates[node]
+        leaves -= set(_children(tree, node))
+        leaves.add(node)
+        parent = parents.get(node)
+        if parent is not None and leaves.issuperset(_children(tree, parent)):
+            candidates[parent] = loss[parent] - loss[list(_children(tree, parent))].sum()
+    return leaves
+
+
+def _children(tree: Tree, node: int) -> tuple[int, int]:
+    return int(tree.left[node]), int(tree.left[node]) + 1
+
+
+def _condition(name: str, low: float, high: float, actions: Sequence[str], scale: float) -> str:
+    """Say between which bounds a number lies, or which actions are meant."""
+    if name.startswith("the action"):
+        meant = [action for i, action in enumerate(actions) if low < i <= high]
+        return f"{name} is {' or '.join(meant) or 'not there yet'}"
+    low, high = scale * low, scale * high
+    if not np.isfinite(low):
+        return f"{name} ≤ {high:.4g}"
+    if not np.isfinite(high):
+        return f"{name} > {low:.4g}"
+    return f"{low:.4g} < {name} ≤ {high:.4g}"

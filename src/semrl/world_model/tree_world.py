@@ -1,0 +1,291 @@
+"""A model of the world made of trees, learned while the game goes on (§3.4.3)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.core import Floats, Ints, Moment, Scenarios, Trajectory
+from semrl.core.arrays import Arrays, nest, unnest
+from semrl.core.errors import UsageError
+from semrl.world_model.experience import Experience
+from semrl.world_model.rules import Rule, feature_names, read_rules
+from semrl.world_model.tree_kernels import Relations, lay_out, width
+from semrl.world_model.trees import Forests
+
+MAX_DIMENSION = 32
+"""Longest state that trees are fitted to; they look at all pairs of numbers."""
+_FEWEST_SCREENED = 8  # scenarios
+REWARD, RETURN = "the reward", "the return"
+"""What rules call them."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TreesConfig:
+    """Settings of `TreeWorld`."""
+
+    members: int = 3
+    """Forests, each grown from its own draw of what was lived; a reward counts what they foresee on average.
+
+    When it is time, the oldest is grown anew."""
+    screening: int = 0
+    """Forests that are asked about all scenarios, the others about the best quarter alone; 0: all about all."""
+    past_states: int = 4
+    """States that are looked at, the present one included."""
+    past_actions: int = 3
+    """Actions before that are looked at: things that have inertia go on by them."""
+    distances: bool = False
+    """Whether numbers are compared along an axis alone, and by how far they lie apart as well: a contact is one cut of
+    a distance and two of a difference, which counts when little was lived."""
+    resolution: float = 1 / 255
+    """Least difference between two states that means anything; RAM features are bytes divided by 255."""
+    least_changes: float = 0.001
+    """Share of the decisions at which a number must have changed, else it is taken to stay as it is."""
+    leaf_decisions: int = 2
+    """Fewest decisions in a leaf."""
+    value_leaf_decisions: int = 20
+    """The same for the return expected beyond a scenario, which is learned from those that came; 0: none is."""
+    capacity: int = 100_000
+    """Decisions remembered, the oldest episodes first to go."""
+    most_numbers: int = 30_000_000
+    """Most numbers that a forest is grown from: of more, a draw of the decisions is laid out (some ten objects at once
+    make 600 numbers of a decision, and 100,000 decisions would take minutes a forest)."""
+    first_decisions: int = 1_000
+    """Decisions before trees are grown for the first time."""
+    new_decisions: int = 100
+    """Fewest new decisions before a forest is grown anew, which is after the next reward or the end of the episode."""
+    new_share: float = 0.03
+    """The same as a share of those that the newest was grown from."""
+
+    def leaf_rows(self, targets: int) -> list[int]:
+        """Return the fewest decisions in a leaf of each tree, that of the return last."""
+        return [self.leaf_decisions] * (targets - 1) + [max(self.value_leaf_decisions, 1)]
+
+    def __post_init__(self) -> None:
+        for name in ("members", "leaf_decisions", "capacity", "first_decisions", "new_decisions", "most_numbers"):
+            if getattr(self, name) < 1:
+                raise UsageError(f"trees.{name} must be 1 or more, not {getattr(self, name)}")
+        if not 0 <= self.screening <= self.members:
+            raise UsageError(f"trees.screening must lie in 0 … members, {self.members}, not {self.screening}")
+        if self.past_states < 2 or self.past_actions < 0:
+            raise UsageError("trees.past_states must be 2 or more and trees.past_actions 0 or more")
+        if not (self.resolution > 0 and min(self.new_share, self.value_leaf_decisions, self.least_changes) >= 0):
+            raise UsageError(
+                "trees.resolution must be above 0, new_share, value_leaf_decisions and least_changes 0 or more"
+            )
+
+
+class TreeWorld:
+    """Regression trees for the change of each number of the state and for the reward.
+
+    Parameters
+    ----------
+    config
+        See `TreesConfig`.
+    dimension
+        Length of a state, at most 32.
+    discount
+        What a reward counts one decision later.
+    seed
+        Of the draws that the forests are grown from.
+    axes
+        ``(d,)`` int64: numbers of one axis have a distance, those of −1 none; all of them have when None.
+
+    Attributes
+    ----------
+    varying_ : ndarray
+        ``(k,)`` int64, the numbers of a state that are looked at: those that change.
+    inertia_ : ndarray
+        ``(k,)`` float32, 1 for those of them that mostly change as they just did, like a ball in flight: of these the
+        trees predict how the change changes. 0 for the others.
+    grown_ : ndarray
+        ``(members,)`` int64, decisions after which each forest was grown; 0 before.
+
+    Raises
+    ------
+    UsageError
+        When states are too long for trees.
+    """
+
+    def __init__(
+        self, config: TreesConfig, dimension: int, *, discount: float = 1.0, seed: int = 0, axes: Ints | None = None
+    ) -> None:
+        if dimension > MAX_DIMENSION:
+            raise UsageError(
+                f"trees learn from states of at most {MAX_DIMENSION} numbers, not {dimension}; "
+                "use reasoning.world = 'models'"
+            )
+        self.config = config
+        self.discount = discount
+        self.seed = seed
+        self.experience = Experience(config.capacity, dimension)
+        self.axes = np.zeros(dimension, np.int64) if axes is None else axes
+        self.forests = Forests(config.members)
+        self.varying_ = np.arange(dimension)
+        self.inertia_ = np.zeros(dimension, np.float32)
+        self.seen_ = 0
+        self.grown_ = np.zeros(config.members, np.int64)
+
+    @property
+    def relations_(self) -> Relations:
+        """Which of the numbers that vary are compared, and how."""
+        axes, distances = self.axes[self.varying_], self.config.distances
+        comparable = (axes[:, None] == axes) & (axes >= 0) if distances else np.ones((len(axes), len(axes)), np.bool_)
+        return np.argwhere(np.triu(comparable, 1)), distances
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether trees were grown yet."""
+        return bool(self.grown_.all())
+
+    def partial_fit(self, trajectory: Trajectory) -> dict[str, float]:
+        """Remember an episode and, when there is enough new, grow a forest anew."""
+        self.experience.add(trajectory)
+        self.seen_ += len(trajectory)
+        self._grow_if_due(self.experience, self.seen_)
+        return {}
+
+    def revise(self, so_far: Trajectory) -> None:
+        """Grow a forest anew, when there is enough new, from all that is remembered and the episode so far."""
+        seen = self.seen_ + len(so_far)
+        if self._is_due(seen):
+            self._grow_if_due(self.experience.joined(so_far), seen)
+
+    def imagine(self, moment: Moment, sequences: Ints) -> Scenarios:
+        """Roll ``(s, t)`` sequences of actions forward from a moment; rewards and values are the forests' mean.
+
+        Where some forests screen, only the sequences that they think best of come back.
+        """
+        unit, c = np.float32(self.config.resolution), self.config
+        window = np.rint(moment.window(c.past_states)[:, self.varying_] / unit)
+        past = self.inertia_, window, moment.recent(c.past_actions)
+        screened = 0 < c.screening < c.members and len(sequences) >= _FEWEST_SCREENED
+        relations = self.relations_
+        members = slice(c.screening if screened else None)
+        foreseen, rewards, values = self.forests.roll(*past, sequences, relations, members)
+        if screened:
+            means = self._returns(rewards, values).mean(axis=0)
+            best = np.sort(np.argsort(-means, kind="stable")[: len(sequences) // 4])
+            sequences = sequences[best]
+            _, more_rewards, more_values = self.forests.roll(*past, sequences, relations, slice(c.screening, None))
+            foreseen = foreseen[best]
+            rewards = np.concatenate([rewards[:, best], more_rewards])
+            values = np.concatenate([values[:, best], more_values])
+        states = np.empty((*sequences.shape, moment.states.shape[1]), np.float32)
+        states[:] = moment.states[0]
+        states[:, :, self.varying_] = foreseen * unit
+        return Scenarios(
+            actions=sequences,
+            states=states,
+            rewards=rewards.mean(axis=0),
+            values=values.mean(axis=0),
+            doubts=self._returns(rewards, values).std(axis=0).astype(np.float32),
+        )
+
+    def _returns(self, rewards: Floats, values: Floats) -> NDArray[np.float64]:
+        """Return what each forest makes of each scenario, ``(members, s)``."""
+        length = rewards.shape[2]
+        weights = self.discount ** np.arange(length)
+        return np.asarray((rewards * weights).sum(axis=2) + self.discount**length * values)
+
+    def rules(
+        self, names: Sequence[str], actions: Sequence[str], *, most: int = 8, unit: float | None = None
+    ) -> list[Rule]:
+        """Say what the first forest has learned of each number, and of the reward, in so many rules each.
+
+        Parameters
+        ----------
+        names
+            Of the numbers of a state.
+        actions
+            Of the actions.
+        most
+            Rules for each.
+        unit
+            In which numbers are told; the resolution when None.
+        """
+        varying = [names[i] for i in self.varying_.tolist()]
+        c = self.config
+        columns = feature_names(varying, c.past_states, c.past_actions, self.relations_)
+        scale = c.resolution / unit if unit else 1.0
+        changing = [
+            f"the change of {name}" if inert else name for name, inert in zip(varying, self.inertia_, strict=True)
+        ]
+        told = [*((name, scale) for name in changing), (REWARD, 1.0), (RETURN, 1.0)]
+        return [
+            rule
+            for target, (about, value_scale) in enumerate(told)
+            for rule in read_rules(
+                self.forests.tree(target), about, columns, actions, most=most, scale=scale, value_scale=value_scale
+            )
+        ]
+
+    def lessons(self, lived: Experience, rng: np.random.Generator) -> tuple[Floats, NDArray[np.float64]]:
+        """Return what trees see of decisions, ``(n, f)``, and are to predict, ``(n, k)``: changes, reward, return.
+
+        It decides which numbers vary, and which of them by themselves; those that hardly ever change are left out. Of
+        too many decisions some are drawn.
+        """
+        unit, c = np.float32(self.config.resolution), self.config
+        windows, pasts, actions, rewards, following = lived.windows(c.past_states, c.past_actions)
+        changed = (following != windows[:, 0]).mean(axis=0)
+        self.varying_ = np.flatnonzero((changed > 0) & (changed >= c.least_changes))
+        windows, following = np.rint(windows[:, :, self.varying_] / unit), following[:, self.varying_]
+        changes = np.rint(following / unit) - windows[:, 0]
+        before = windows[:, 0] - windows[:, 1]
+        self.inertia_ = ((changes == before).mean(axis=0) > (changes == 0).mean(axis=0)).astype(np.float32)
+        signs = np.sign(rewards)
+        returns = lived.returns(self.discount) if c.value_leaf_decisions else np.zeros_like(signs)
+        wanted = np.column_stack([changes - self.inertia_ * before, signs, returns]).astype(np.float64)
+        most = max(c.most_numbers // self._columns, 1)
+        if len(wanted) > most:
+            drawn = np.sort(rng.choice(len(wanted), most, replace=False))
+            windows, pasts, actions, wanted = windows[drawn], pasts[drawn], actions[drawn], wanted[drawn]
+        return lay_out(windows, pasts, actions, self.relations_), wanted
+
+    def to_arrays(self) -> Arrays:
+        """Return trees and memory."""
+        own = {
+            "counts": np.array([self.seen_, *self.grown_]),
+            "varying": self.varying_,
+            "inertia": self.inertia_,
+            "columns": np.array(self._columns),
+        }
+        return nest(forests=self.forests.to_arrays(), experience=self.experience.to_arrays()) | own
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on exactly where `to_arrays` was called."""
+        self.load(arrays)
+        self.experience.from_arrays(unnest(arrays, "experience"))
+
+    def load(self, arrays: Arrays) -> None:
+        """Take over the trees; enough to foresee."""
+        self.forests.from_arrays(unnest(arrays, "forests"))
+        self.varying_, self.inertia_ = arrays["varying"], arrays["inertia"]
+        self.seen_, self.grown_ = int(arrays["counts"][0]), arrays["counts"][1:].copy()
+        if int(arrays["columns"]) != self._columns:
+            raise ValueError(f"its trees look at {int(arrays['columns'])} numbers, not {self._columns}")
+
+    @property
+    def _columns(self) -> int:
+        return int(width(len(self.varying_), self.config.past_states, self.config.past_actions, self.relations_))
+
+    def _is_due(self, seen: int) -> bool:
+        c = self.config
+        newest = int(self.grown_.max())
+        return seen >= c.first_decisions if not newest else seen - newest >= max(c.new_decisions, c.new_share * newest)
+
+    def _grow_if_due(self, lived: Experience, seen: int) -> None:
+        if not self._is_due(seen):
+            return
+        c = self.config
+        known = self.varying_, self.inertia_
+        rng = np.random.default_rng([self.seed, seen])
+        rows, wanted = self.lessons(lived, rng)
+        leaves = c.leaf_rows(wanted.shape[1])
+        unseen = rows.shape[1] - 1 - c.past_actions  # the action
+        same = np.array_equal(known[0], self.varying_) and np.array_equal(known[1], self.inertia_)
+        oldest = int(self.grown_.argmin()) if self.is_fitted and same else None
+        self.forests.fit(rows, wanted, rng, leaf_rows=leaves, unseen=unseen, member=oldest)
+        self.grown_[oldest] = seen  # of all of them where there is no oldest

@@ -1,0 +1,182 @@
+"""Regression trees that foresee: exact where the world follows rules, which networks only come near to.
+
+Things in a game move by rules with sharp borders: a ball turns back where it meets a paddle and nowhere else. Trees
+find such borders. Several forests, each grown from its own draw of what was lived (bagging, Breiman 1996), agree where
+much was lived; where they do not, a plan should not trust one of them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.core import Floats, Ints
+from semrl.core.arrays import Arrays, nest, unnest
+from semrl.world_model.cart import bins_of, grow_tree
+from semrl.world_model.tree_kernels import NODE, Relations, ask, roll
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Tree:
+    """One regression tree, node by node, the root first.
+
+    Attributes
+    ----------
+    columns, left
+        ``(m,)`` int64: which number decides, and the left child, whose sibling comes after it; both −1 in leaves.
+    cuts, means
+        ``(m,)`` float32: at and below which it goes left, and what a leaf predicts.
+    rows, errors
+        ``(m,)`` float32: how many rows it was grown from, and their mean squared error.
+    """
+
+    columns: Ints
+    left: Ints
+    cuts: Floats
+    means: Floats
+    rows: Floats
+    errors: Floats
+
+
+class Forests:
+    """Regression trees for every number to be predicted, several of each.
+
+    Parameters
+    ----------
+    members
+        Forests.
+    """
+
+    def __init__(self, members: int) -> None:
+        self.members = members
+        self._grown = [_Forest.empty() for _ in range(members)]
+        self._pack()
+
+    def fit(
+        self,
+        rows: Floats,
+        wanted: NDArray[np.float64],
+        rng: np.random.Generator,
+        *,
+        leaf_rows: Sequence[int],
+        unseen: int | None = None,
+        member: int | None = None,
+    ) -> Self:
+        """Grow trees for each column of ``(n, k)`` wanted numbers from ``(n, d)`` rows: those of a member, or all.
+
+        A single forest learns from all rows, each of several from as many rows drawn with replacement. A tree's leaf
+        has at least its number of ``leaf_rows``, ``(k,)``. The last tree does not look at the column ``unseen``.
+        """
+        places, cuts = bins_of(rows)
+        hidden = places.copy()
+        if unseen is not None:
+            hidden[unseen] = 0
+        sights = [places] * (wanted.shape[1] - 1) + [hidden]
+        columns = [np.ascontiguousarray(column, np.float64) for column in wanted.T]
+        for i in range(self.members) if member is None else (member,):
+            drawn = rng.integers(len(rows), size=len(rows)) if self.members > 1 else np.arange(len(rows))
+            trees = zip(sights, columns, leaf_rows, strict=True)
+            self._grown[i] = _Forest.joined(
+                [grow_tree(part, cuts, column, drawn, leaf) for part, column, leaf in trees]
+            )
+        self._pack()
+        return self
+
+    def tree(self, target: int) -> Tree:
+        """Return the first forest's tree for one of the predicted numbers."""
+        forest = self._grown[0]
+        begin, end = np.append(forest.roots, len(forest.nodes))[target : target + 2]
+        nodes = forest.nodes[begin:end].astype(np.int64)
+        nodes[:, 1] -= np.where(nodes[:, 0] >= 0, begin, 0)
+        (cuts, means), (rows, errors) = forest.numbers[begin:end].T, forest.support[begin:end].T
+        return Tree(columns=nodes[:, 0], left=nodes[:, 1], cuts=cuts, means=means, rows=rows, errors=errors)
+
+    def __call__(self, rows: Floats) -> Floats:
+        """Return what each forest predicts, ``(members, b, k)``, for ``(b, d)`` rows."""
+        return np.asarray(ask((self._packed, self._roots), np.ascontiguousarray(rows.T, np.float32)))
+
+    def roll(  # noqa: PLR0917 - what is known, in the order of the compiled code
+        self,
+        inertia: Floats,
+        states: Floats,
+        actions: Floats,
+        sequences: Ints,
+        relations: Relations,
+        members: slice = slice(None),
+    ) -> tuple[Floats, Floats, Floats]:
+        """Roll sequences of actions forward in every forest, or some.
+
+        Of a forest's trees the last but one predicts the reward, the last what is expected beyond a scenario.
+
+        Parameters
+        ----------
+        inertia
+            ``(d,)`` share of its last change by which each number goes on by itself; trees predict the rest.
+        states, actions
+            ``(h, d)`` and ``(p,)`` of the past, the newest first.
+        sequences
+            ``(s, t)``.
+        relations
+            Which numbers are compared in what the trees are shown.
+        members
+            Which forests are asked.
+
+        Returns
+        -------
+        tuple
+            ``(s, t, d)`` states that the first of them foresees; ``(members, s, t)`` rewards; ``(members, s)`` returns
+            expected beyond. After its first reward a scenario stands still and is worth no more: what follows is
+            another rally, of which little is known.
+        """
+        return roll((self._packed, self._roots[members]), inertia, states, actions, sequences, relations)
+
+    def to_arrays(self) -> Arrays:
+        """Return the trees."""
+        return nest(**{str(i): forest.to_arrays() for i, forest in enumerate(self._grown)})
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Take over trees."""
+        self._grown = [_Forest(**unnest(arrays, str(i))) for i in range(self.members)]
+        self._pack()
+
+    def _pack(self) -> None:
+        """Put all trees side by side, as the compiled code wants them."""
+        sizes = [len(forest.nodes) for forest in self._grown]
+        begins = np.cumsum([0, *sizes[:-1]])
+        self._roots = np.stack([forest.roots + begin for forest, begin in zip(self._grown, begins, strict=True)])
+        self._packed = np.empty(sum(sizes), NODE)
+        nodes = np.concatenate([forest.nodes for forest in self._grown])
+        self._packed["column"] = nodes[:, 0]
+        self._packed["left"] = nodes[:, 1] + np.where(nodes[:, 0] >= 0, np.repeat(begins, sizes), 0)
+        self._packed["cut"], self._packed["mean"] = np.concatenate([forest.numbers for forest in self._grown]).T
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Forest:
+    """The trees of one forest, one behind the other."""
+
+    nodes: NDArray[np.int32]  # (k, 2): column, left child; both −1 in leaves
+    numbers: Floats  # (k, 2): cut, mean
+    support: Floats  # (k, 2): rows, mean squared error
+    roots: Ints  # (targets,): where each tree begins
+
+    @classmethod
+    def empty(cls) -> Self:
+        """Make a forest without trees."""
+        none = np.zeros((0, 2), np.float32)
+        return cls(nodes=none.astype(np.int32), numbers=none, support=none, roots=np.zeros(0, np.int64))
+
+    @classmethod
+    def joined(cls, trees: Sequence[tuple[NDArray[np.int32], Floats, Floats]]) -> Self:
+        """Put trees one behind the other, as `grow_tree` returns them."""
+        roots = np.cumsum([0, *(len(nodes) for nodes, _, _ in trees[:-1])])
+        for root, (nodes, _, _) in zip(roots, trees, strict=True):
+            nodes[:, 1] += np.where(nodes[:, 0] >= 0, root, 0).astype(np.int32)
+        nodes, numbers, support = (np.concatenate(parts) for parts in zip(*trees, strict=True))
+        return cls(nodes=nodes, numbers=numbers, support=support, roots=roots)
+
+    def to_arrays(self) -> Arrays:
+        """Return the trees."""
+        return {"nodes": self.nodes, "numbers": self.numbers, "support": self.support, "roots": self.roots}

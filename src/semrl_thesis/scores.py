@@ -1,0 +1,214 @@
+"""Final results on Pong (§4.3): Table 4.1, learning curves, and the planner alone."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import trim_mean
+
+from semrl.planning.module import MAP_MODELS
+from semrl.training.metrics import running_mean
+from semrl_thesis.base import Experiment, Lab, Scale
+from semrl_thesis.figures import Curve, Curves, Figure
+from semrl_thesis.ledger import summed_up
+from semrl_thesis.results import Number, Result
+from semrl_thesis.sweep import RunSpec, Sweep
+
+TABLE = {
+    "baseline": (20.8, 21, 20, 0.42),
+    "otsu": (20.1, 21, 18, 1.19),
+    "birch": (20.4, 21, 18, 0.96),
+    "semantic": (13.6, 20, -10, 9.60),
+    "semantic-map": (14.1, 21, 3, 6.26),
+    "ram": (-6.4, 4, -12, 4.55),
+    "ram-map": (-0.6, 8, -6, 4.76),
+}
+"""Table 4.1: mean, max, min and standard deviation of the last ten episodes."""
+
+LOST = -21
+"""Return of a game in which no point is scored: what the thesis says of the planner alone."""
+
+RESAMPLES = 2000
+
+SWEEPS: dict[Scale, Sweep] = {
+    "full": Sweep(
+        decisions={"thesis": 2_000_000, "semrl": 500_000},
+        seeds={"thesis": ((0,), (0,)), "semrl": ((0,), (0, 1, 2))},
+        models=tuple(TABLE),
+        # Who wins every game by the same line forgets all others: what is remembered is 100,000 decisions of that line.
+        # Five times the play of the preset: as many updates as with a fifth of it.
+        presets={"semrl": {"environment": {"max_noops": 30}, "agent": {"decisions_per_update": 4}}},
+    ),
+    "quick": Sweep(
+        decisions={"thesis": 8_000, "semrl": 8_000},
+        seeds={"thesis": ((0,), (0,)), "semrl": ((0,), (0,))},
+        models=tuple(TABLE),
+        overrides={
+            "pipeline": {"doc2vec": {"documents": 1000}},
+            "agent": {"initial_buffer": 500, "exploration_decisions": 434},
+            "reasoning": {"models": {"next_state": {"epochs": 5}}},
+            "evaluation": {"max_noops": 0},
+        },
+        planner_episodes=1,
+    ),
+    "tiny": Sweep(
+        decisions={"semrl": 1_200},
+        seeds={"semrl": ((0,), (0,))},
+        models=("ram-map", "semantic-map"),
+        overrides={
+            "agent": {"network": {"hidden_units": [8]}, "batch_size": 8, "decisions_per_update": 50},
+            "pipeline": {
+                "hashed": {"dimension": 16},
+                "detection": {"threshold_frames": 5},
+                "scene": {"scenery_frames": 5},
+                "foreground": {"background_frames": 20},
+                "roles": {"frames": 30},
+            },
+            "stability": {"batches": 5, "max_batches": 20},
+            "evaluation": {"max_noops": 0},
+            "models": {
+                "ram-map": {
+                    "reasoning": {"short_term": {"depth": 3, "scenarios": 4}, "trees": {"first_decisions": 200}},
+                },
+                "semantic-map": {
+                    "env": "semrl/Catch-v0",
+                    "pipeline": {"scene": {"tracked": False}},
+                    "reasoning": {
+                        "world": "models",
+                        "short_term": {"depth": 1, "scenarios": 0},
+                        "models": {
+                            "next_state": {"epochs": 1, "hidden_units": [16]},
+                            "reward": {"epochs": 1, "hidden_units": [8], "kind": "network"},
+                        },
+                    },
+                },
+            },
+        },
+        planner_episodes=1,
+    ),
+}
+
+
+def measure(runs: Mapping[str, Sequence[RunSpec]], lab: Lab) -> Result:
+    """Sum up all runs that are finished."""
+    values: dict[str, float | None] = {}
+    for preset, specs in runs.items():
+        suffix = "" if preset == "thesis" else f"@{preset}"
+        for model in TABLE:
+            done = [spec for spec in specs if spec.model == model and lab.ledger.score(spec)]
+            values |= {f"{id_}{suffix}": value for id_, value in _values(model, done, lab).items()}
+    missing = [spec.id for specs in runs.values() for spec in specs if not lab.ledger.score(spec)]
+    notes = (f"not finished yet: {', '.join(missing)}",) if missing else ()
+    return Result(values=values, figures=_figures(runs, lab), notes=notes)
+
+
+def interquartile_mean(runs: Sequence[NDArray[np.float64]]) -> tuple[float, float | None, float | None]:
+    """Return the mean of all returns but the lowest and the highest quarter, and its 95 % interval.
+
+    The bootstrap draws runs anew, and within each of them episodes (after Agarwal et al., "Deep reinforcement learning
+    at the edge of the statistical precipice", NeurIPS 2021). Of one run it draws the episodes alone, so that it tells
+    nothing of other seeds; of one episode there is no interval.
+    """
+    if sum(map(len, runs)) < 2:
+        return _middle(runs), None, None
+    rng = np.random.default_rng(0)
+    drawn = [
+        _middle([rng.choice(runs[run], len(runs[run])) for run in rng.integers(len(runs), size=len(runs))])
+        for _ in range(RESAMPLES)
+    ]
+    low, high = np.quantile(drawn, (0.025, 0.975))
+    return _middle(runs), float(low), float(high)
+
+
+def _middle(runs: Sequence[NDArray[np.float64]]) -> float:
+    return float(trim_mean(np.concatenate(runs), 0.25))
+
+
+def _values(model: str, done: Sequence[RunSpec], lab: Lab) -> dict[str, float | None]:
+    """Sum up the finished runs of one model, all their last episodes together."""
+    returns = [last for last in map(lab.ledger.last_returns, done) if len(last)]
+    values: dict[str, float | None] = {}
+    if done:
+        together = np.concatenate([np.zeros(0), *returns])
+        values = {f"table4.1/{model}/{name}": value for name, value in summed_up(together).items()}
+    if returns:
+        names = ("iqm", "iqm-low", "iqm-high")
+        values |= {f"table4.1/{model}/{n}": v for n, v in zip(names, interquartile_mean(returns), strict=True)}
+    planned = [score.planner for spec in done if (score := lab.ledger.score(spec)) and score.planner is not None]
+    if planned:
+        values[f"planner-alone/{model}/mean"] = float(np.mean(planned))
+    return values
+
+
+def _figures(runs: Mapping[str, Sequence[RunSpec]], lab: Lab) -> tuple[Figure, ...]:
+    curves = {
+        preset: [
+            Curve(label=spec.model, x=episodes[:, 0], y=episodes[:, 1])
+            for spec in specs
+            if spec.seed == 0 and len(episodes := lab.ledger.episodes(spec))
+        ]
+        for preset, specs in runs.items()
+    }
+    kinds = (
+        ("4.19", "Return of every episode", "Return of each training episode over the decisions of a run, seed 0.",
+         lambda curve: curve),
+        ("4.20", "Mean of the last ten episodes", "The same, each the mean of ten episodes, which shows who learns "
+         "faster.", _smooth),
+    )  # fmt: skip
+    return tuple(
+        Figure(
+            number=number,
+            title=title,
+            says=says,
+            panels=tuple(
+                (f"preset {preset}", Curves(xlabel="decisions", ylabel="return", curves=tuple(map(change, drawn))))
+                for preset, drawn in curves.items()
+                if drawn
+            ),
+        )
+        for number, title, says, change in kinds
+        if any(curves.values())
+    )
+
+
+def _smooth(curve: Curve) -> Curve:
+    return replace(curve, y=running_mean(curve.y))
+
+
+def _numbers() -> tuple[Number, ...]:
+    names = ("mean", "max", "min", "std")
+    numbers = []
+    for model, row in TABLE.items():
+        numbers += [
+            Number(
+                id=f"table4.1/{model}/{name}",
+                thesis=value,
+                unit="return",
+                better="near" if name == "std" else "higher",  # who loses every game never varies
+            )
+            for name, value in zip(names, row, strict=True)
+        ]  # fmt: skip
+        numbers += [
+            Number(id=f"table4.1/{model}/{name}", thesis=None, unit="return") for name in ("iqm", "iqm-low", "iqm-high")
+        ]
+    return (
+        *numbers,
+        *(Number(id=f"planner-alone/{m}/mean", thesis=LOST, unit="return") for m in TABLE if m in MAP_MODELS),
+    )
+
+
+def _by_preset(sweep: Sweep) -> dict[str, list[RunSpec]]:
+    return {preset: [spec for spec in sweep.runs() if spec.preset == preset] for preset in sweep.seeds}
+
+
+EXPERIMENT = Experiment(
+    name="scores",
+    place=4,
+    title="Final results on Pong",
+    section="§4.3",
+    numbers=_numbers(),
+    settings={scale: _by_preset(sweep) for scale, sweep in SWEEPS.items()},
+    measure=measure,
+    runs={scale: sweep.runs() for scale, sweep in SWEEPS.items()},
+)

@@ -1,0 +1,138 @@
+"""The network of Fig. 3.8, layer by layer, and what it is fed."""
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from semrl.agents.networks import NetworkConfig, StateInput, build_network
+
+IMAGE = (84, 84)
+
+
+def layers(network, kind):
+    return [layer for layer in network if isinstance(layer, kind)]
+
+
+def test_images_go_through_the_layers_of_fig_3_8():
+    network = build_network(IMAGE, 2, NetworkConfig(), seed=0)
+    convolutions = [
+        (c.in_channels, c.out_channels, c.kernel_size, c.stride, c.padding) for c in layers(network, nn.Conv2d)
+    ]
+    assert convolutions == [
+        (2, 32, (8, 8), (4, 4), (0, 0)),
+        (32, 64, (8, 8), (4, 4), (0, 0)),
+        (64, 64, (3, 3), (1, 1), (0, 0)),
+    ]
+    assert [(d.in_features, d.out_features) for d in layers(network, nn.Linear)] == [(256, 256), (256, 2)]
+    kinds = [type(layer).__name__ for layer in network]
+    assert kinds == ["StateInput", *["Conv2d", "ReLU"] * 3, "Flatten", "Linear", "ReLU", "Linear"]
+    assert network(torch.zeros((5, 2, *IMAGE), dtype=torch.uint8)).shape == (5, 2)
+
+
+@pytest.mark.parametrize("n_actions", [2, 6])
+def test_vectors_go_through_the_dense_layer_alone(n_actions):
+    network = build_network((128,), n_actions, NetworkConfig(), seed=0)
+    assert [(d.in_features, d.out_features) for d in layers(network, nn.Linear)] == [(256, 256), (256, n_actions)]
+    assert [type(layer).__name__ for layer in network] == ["StateInput", "Flatten", "Linear", "ReLU", "Linear"]
+
+
+def test_dense_layers_follow_the_settings():
+    network = build_network((4,), 3, NetworkConfig(hidden_units=(32, 16), layer_norm=True), seed=0)
+    kinds = [type(layer).__name__ for layer in network]
+    assert kinds == ["StateInput", "Flatten", *["Linear", "LayerNorm", "ReLU"] * 2, "Linear"]
+    assert [d.out_features for d in layers(network, nn.Linear)] == [32, 16, 3]
+
+
+def test_the_input_is_the_current_image_and_its_difference_to_the_previous():
+    states = torch.from_numpy(np.random.default_rng(0).integers(256, size=(3, 2, *IMAGE), dtype=np.uint8))
+    x = StateInput(IMAGE, is_image=True)(states)
+    current, previous = states[:, 0].double(), states[:, 1].double()
+    assert x.dtype == torch.float32
+    torch.testing.assert_close(x[:, 0].double(), current / 255, atol=1e-6, rtol=0)
+    # Differences below zero must not wrap around as bytes do.
+    torch.testing.assert_close(x[:, 1].double(), (current - previous) / 255, atol=1e-6, rtol=0)
+    assert x[:, 1].min() < -0.9
+
+
+def test_vectors_are_not_scaled_until_measured():
+    states = torch.randn(5, 2, 4)
+    x = StateInput((4,), is_image=False)(states)
+    torch.testing.assert_close(x[:, 0], states[:, 0])
+    torch.testing.assert_close(x[:, 1], states[:, 0] - states[:, 1])
+
+
+def test_measured_vectors_have_mean_0_and_deviation_1():
+    rng = np.random.default_rng(0)
+    states = torch.from_numpy((rng.normal(size=(500, 2, 4)) * [1, 2, 0.8, 1] + [0, 5, -3, 2]).astype(np.float32))
+    states[:, :, 3] = 2.0  # never varies
+    layer = StateInput((4,), is_image=False)
+    layer.fit(states)
+    x = layer(states)
+    torch.testing.assert_close(x.mean(dim=0), torch.zeros(2, 4), atol=1e-4, rtol=0)
+    torch.testing.assert_close(x.std(dim=0, correction=0)[:, :3], torch.ones(2, 3), atol=1e-4, rtol=0)
+    assert (x[:, :, 3] == 0).all()
+    other = states.clone()
+    other[:, 0, 3] = 3.0  # what did not vary is divided by half the usual deviation of its kind, not by nothing
+    usual = np.sqrt(np.square(states[:, 0].numpy().std(axis=0)).mean())
+    torch.testing.assert_close(layer(other)[:, 0, 3], torch.full((500,), 1 / (0.5 * float(usual))))
+
+
+def test_numbers_that_never_vary_keep_their_unit():
+    layer = StateInput((2,), is_image=False)
+    layer.fit(torch.full((5, 2, 2), 4.0))
+    torch.testing.assert_close(layer(torch.full((1, 2, 2), 6.0))[0, 0], torch.full((2,), 2.0))
+
+
+def test_images_keep_their_unit():
+    states = torch.from_numpy(np.random.default_rng(0).integers(256, size=(3, 2, *IMAGE), dtype=np.uint8))
+    layer = StateInput(IMAGE, is_image=True)
+    before = layer(states)
+    layer.fit(states)
+    assert torch.equal(layer(states), before)
+
+
+@pytest.mark.parametrize("shape", [IMAGE, (8,)])
+def test_weights_follow_from_the_seed_alone(shape):
+    before = torch.random.get_rng_state()
+    one = build_network(shape, 2, NetworkConfig(), seed=5)
+    assert torch.equal(torch.random.get_rng_state(), before)
+    torch.rand(3)
+    two = build_network(shape, 2, NetworkConfig(), seed=5)
+    other = build_network(shape, 2, NetworkConfig(), seed=6)
+    assert all(torch.equal(a, b) for a, b in zip(one.parameters(), two.parameters(), strict=True))
+    assert not torch.equal(next(one.parameters()), next(other.parameters()))
+
+
+def test_measured_values_are_saved_with_the_weights_but_not_learned():
+    network = build_network((4,), 2, NetworkConfig(normalise_input=True), seed=0)
+    assert {"0.mean", "0.scale"} <= set(network.state_dict())
+    assert all(not name.startswith("0.") for name, _ in network.named_parameters())
+
+
+def test_sines_and_cosines_stand_beside_the_numbers():
+    network = build_network((3,), 2, NetworkConfig(frequencies=2), seed=0)
+    shown = network[:2](torch.tensor([[[0.5, 1.0, -2.0], [0.5, 0.5, 0.5]]]))[0].numpy()
+    numbers = np.array([0.5, 1.0, -2.0, 0.0, 0.5, -2.5], np.float32)
+    angles = np.outer(numbers, [1, 2]).ravel()
+    np.testing.assert_allclose(shown, np.concatenate([numbers, np.sin(angles), np.cos(angles)]), atol=1e-6)
+    assert network[2].in_features == 30
+
+
+def test_a_goal_has_no_difference():
+    network = build_network((4,), 2, NetworkConfig(), seed=0, goal_size=1)
+    shown = network[0](torch.tensor([[[1.0, 2.0, 3.0, 9.0], [0.0, 1.0, 1.0, 4.0]]]))[0]
+    assert shown.tolist() == [[1, 2, 3, 9], [1, 1, 2, 0]]
+
+
+def test_a_goal_stays_as_it_is():
+    """While the input is measured there is none yet, so its scale is not known."""
+    network = build_network((4,), 2, NetworkConfig(normalise_input=True, frequencies=3), seed=0, goal_size=2)
+    measured = torch.randn(50, 2, 4) * 5
+    measured[:, :, 2:] = 0
+    network[0].fit(measured)
+    state = torch.tensor([[[1.0, 2.0, 1.0, -1.0], [0.0, 1.0, 0.0, 1.0]]])
+    assert network[0](state)[0, :, 2:].tolist() == [[1, -1], [0, 0]]
+    laid_out = network[:2](state)[0]
+    assert len(laid_out) == 8 + 2 * 4 * 3 == network[2].in_features  # no sines and cosines of the goal
+    assert laid_out[[2, 3]].tolist() == [1, -1]

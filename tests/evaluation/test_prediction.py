@@ -1,0 +1,79 @@
+"""What a model foresees of new play is counted as it should be (§4.2)."""
+
+import json
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from sklearn.metrics import balanced_accuracy_score, r2_score
+
+from semrl.core.errors import UsageError
+from semrl.evaluation import load_player
+from semrl.evaluation.prediction import _explained, balanced_accuracy, foresight
+from semrl.evaluation.scores import EVALUATION_SEED, PROBING
+from semrl.training import RunFolder, train
+
+
+def test_it_is_what_scikit_learn_says_of_the_same_play(map_run):
+    told = foresight(map_run, decisions=60)
+    player = load_player(map_run).under(exploration=PROBING)
+    came, foreseen, rewards, guesses = [], [], [], []
+    for number in range(2):
+        steps = list(player.episode(number, player.config.seed + EVALUATION_SEED))
+        for before, after in pairwise(steps):
+            scenario = player.reasoner.world.imagine(before.thought.moment, np.array([[after.action]]))
+            came.append(after.state[0, player.reasoner.facts])
+            foreseen.append(scenario.states[0, 0])
+            rewards.append(int(np.sign(after.total - before.total)))
+            guesses.append(int(scenario.rewards[0, 0]))
+    assert told.decisions == len(came) == 90
+    assert told.explained[1] == pytest.approx(r2_score(came, foreseen, multioutput="variance_weighted"), abs=1e-6)
+    assert told.balanced_accuracy == pytest.approx(balanced_accuracy_score(rewards, guesses))
+    assert np.sum(told.confusion) == 90 and np.sum(told.confusion, axis=1)[1] == rewards.count(0)
+    assert set(told.explained) <= {1, 2, 5, 10, 20} and told.explained[5] <= 1
+    assert told.explained_vectors == {}  # they are what is foreseen
+
+
+def test_where_objects_are_foreseen_so_are_the_vectors_of_their_scenes(tracked_run):
+    told, player = foresight(tracked_run, decisions=60), load_player(tracked_run).under(exploration=PROBING)
+    came, foreseen = [], []
+    for number in range(2):
+        steps = list(player.episode(number, player.config.seed + EVALUATION_SEED))
+        for before, after in pairwise(steps):
+            scenario = player.reasoner.world.imagine(before.thought.moment, np.array([[after.action]]))
+            came.append(after.state[0, : player.pipeline.facts.start])
+            foreseen.append(player.pipeline.embed(scenario.states[0, 0]))
+    assert told.explained_vectors[1] == pytest.approx(
+        r2_score(came, foreseen, multioutput="variance_weighted"), abs=1e-6
+    )
+    assert told.explained_vectors.keys() == told.explained.keys()
+
+
+def test_a_milestone_foresees_as_it_did_then(tmp_path, tracked_run):
+    config = RunFolder.open(tracked_run).config()
+    run = tmp_path / "run"
+    train(run, replace(config, milestones=(200,)))
+    now, then = foresight(run, decisions=60), foresight(run, decisions=60, at=200)
+    assert {path.name for path in run.glob("foresight*")} == {"foresight.json", "foresight-at-200.json"}
+    assert json.loads((run / "foresight-at-200.json").read_text())["conditions"]["learned_from"] == 200
+    assert now != then
+    with pytest.raises(UsageError, match="has no milestone of decision 100"):
+        foresight(run, at=100)
+
+
+def test_kinds_that_never_came_do_not_count():
+    assert balanced_accuracy(np.array([[0, 0, 0], [2, 6, 0], [0, 1, 1]])) == pytest.approx((0.75 + 0.5) / 2)
+
+
+def test_states_that_never_vary_have_no_share():
+    """An object that no frame showed, say: JSON knows no NaN."""
+    still, moving = np.zeros(3, np.float32), np.arange(3, dtype=np.float32)
+    assert _explained({1: [(still, still)] * 4, 2: [(moving, moving), (still, still)], 5: []}) == {2: 1.0}
+
+
+def test_without_a_map_nothing_is_foreseen(semantic_run, map_run):
+    with pytest.raises(UsageError, match="has no map"):
+        foresight(semantic_run)
+    with pytest.raises(UsageError, match="decisions must be 1 or more"):
+        foresight(map_run, decisions=0)

@@ -1,0 +1,29 @@
+"""What a run has learned of its world, read as rules."""
+
+import pytest
+
+from semrl.core.errors import UsageError
+from semrl.evaluation.rules import load_rules
+from semrl.world_model.tree_world import RETURN, REWARD
+
+
+def test_every_number_of_the_state_and_the_reward_have_rules(ram_map_run):
+    found = load_rules(ram_map_run, most=5)
+    by_name = {}
+    for rule in found:
+        by_name.setdefault(rule.about.removeprefix("the change of "), []).append(rule)
+    names = ["player_y", "enemy_y", "ball_x", "ball_y"]
+    assert list(by_name) == [*names, REWARD, RETURN]
+    for mine in (by_name[name] for name in (*names, REWARD)):
+        assert 1 <= len(mine) <= 5 and len({rule.conditions for rule in mine}) == len(mine)
+        counts = [rule.decisions for rule in mine]
+        assert counts == sorted(counts, reverse=True)
+    assert len({sum(rule.decisions for rule in by_name[name]) for name in names}) == 1
+    assert any("the action" in condition for rule in by_name["player_y"] for condition in rule.conditions)
+
+
+def test_networks_have_no_rules_to_read(map_run, semantic_run):
+    with pytest.raises(UsageError, match="foresees by networks"):
+        load_rules(map_run)
+    with pytest.raises(UsageError, match="has no map"):
+        load_rules(semantic_run)

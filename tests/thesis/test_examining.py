@@ -1,0 +1,98 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from semrl.core import Scenarios, Trajectory
+from semrl.planning.module import Reasoner, ReasoningConfig
+from semrl.world_model import ModelPair, ModelPairConfig, NextStateConfig, TreesConfig
+from semrl_thesis.foresight import confusion, examine, foretell, r2, shares
+
+RNG = np.random.default_rng(0)
+
+
+def walk(length=200):
+    """A point that goes where it is told; a reward of its sign whenever it is far out."""
+    actions = RNG.integers(0, 2, length)
+    places = np.zeros(length + 1, np.float32)
+    for i, action in enumerate(actions):
+        places[i + 1] = np.clip(places[i] + 0.25 * (2 * action - 1), -1, 1)
+    rewards = np.sign(places[1:]) * (np.abs(places[1:]) >= 1)
+    return Trajectory(states=np.stack([places, -places], axis=1), actions=actions, rewards=rewards.astype(np.float32))
+
+
+def test_r2_of_what_is_exact_and_of_the_mean():
+    came = walk().states[1:]
+    assert r2(came, came) == 100
+    assert r2(came, np.broadcast_to(came.mean(axis=0), came.shape)) == pytest.approx(0)
+
+
+def test_r2_where_nothing_varies():
+    still = np.ones((5, 2), np.float32)
+    assert (r2(still, still), r2(still, 2 * still)) == (100, 0)
+
+
+def test_confusion():
+    run = walk()
+    said = RNG.integers(-1, 2, len(run))
+    truth = np.sign(run.rewards).astype(int)
+    assert set(truth) == {-1, 0, 1}
+    counts = confusion(run.rewards, said)
+    assert counts.sum() == len(run)
+    assert shares(counts)[0, 2] == np.mean(said[truth == -1] == 1)
+    np.testing.assert_array_equal(shares(confusion(run.rewards, truth)), np.eye(3))
+    assert shares(confusion(np.zeros(3), np.zeros(3, int))).tolist() == [[0, 0, 0], [0, 1, 0], [0, 0, 0]]
+
+
+class Recalls(ModelPair):
+    """A world that foresees the last state again, and notes where it was asked."""
+
+    def imagine(self, moment, sequences):
+        self.asked = [*getattr(self, "asked", []), (moment, int(sequences[0, 0]))]
+        return Scenarios(
+            actions=sequences,
+            states=moment.states[None, :1],
+            rewards=np.ones((1, 1), np.float32),
+            values=np.zeros(1, np.float32),
+        )
+
+
+def test_every_decision_is_foreseen_from_what_had_led_to_it():
+    run, world = walk(30), Recalls(ModelPairConfig(), 2, 2)
+    states, rewards = foretell(world, run)
+    np.testing.assert_array_equal(states, run.states[:-1])
+    assert rewards.tolist() == [1] * 30
+    moment, action = world.asked[20]
+    assert (moment.number, action) == (20, run.actions[20])
+    np.testing.assert_array_equal(moment.states, run.states[20:4:-1])
+    np.testing.assert_array_equal(moment.actions, run.actions[19:4:-1])
+
+
+def test_of_updated_forests_each_has_learned_the_new_run():
+    trees = TreesConfig(members=4, first_decisions=50, resolution=0.25)
+    reasoner = Reasoner(ReasoningConfig(world="trees", trees=trees), 2, 2, seed=0)
+    reasoner.learn(walk(400))
+    turned = walk(400)
+    turned = replace(turned, actions=1 - turned.actions)
+    next_states, _, _ = examine(reasoner, turned)
+    assert next_states["updated"] > next_states["trained"] + 1
+
+
+@pytest.mark.parametrize("kind", ["trees", "models"])
+def test_worlds_are_tested_in_every_way_and_stay_as_they_were(kind):
+    network = NextStateConfig(epochs=10, hidden_units=(32,), learning_rate=1e-2, adam_beta1=0.9)
+    config = ReasoningConfig(
+        world=kind, models=ModelPairConfig(next_state=network), trees=TreesConfig(first_decisions=50, resolution=0.25)
+    )
+    reasoner = Reasoner(config, 2, 2, seed=0)
+    reasoner.learn(walk(400))
+    run = walk(300)
+    before = foretell(reasoner.world, run)
+    next_states, rewards, matrices = examine(reasoner, run)
+    np.testing.assert_array_equal(foretell(reasoner.world, run)[0], before[0])
+    further = {"folds", "scratch-128", "folds-128"} if kind == "models" else set()
+    assert set(next_states) == {"trained", "updated", "scratch"} | further
+    assert min(next_states.values()) > 80
+    assert set(rewards) == {"trained", "updated", "scratch"} | (further & {"folds"})
+    assert set(matrices) == {"trained", "updated", "scratch"}
+    assert rewards["trained"] == pytest.approx(100 * np.diag(matrices["trained"]).mean())

@@ -1,0 +1,162 @@
+import dataclasses
+import importlib.resources
+import tomllib
+
+import pytest
+
+from semrl.core.errors import UsageError
+from semrl.perception.config import MODELS
+from semrl.training import PRESETS, RunConfig, preset
+from semrl.training.config import from_dict, read_toml, to_dict, write_toml
+
+
+def stored(name):
+    return tomllib.loads(importlib.resources.files("semrl").joinpath("presets", f"{name}.toml").read_text())
+
+
+def leaves(table, path=""):
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from leaves(value, f"{path}{key}.")
+        else:
+            yield f"{path}{key}", list(value) if isinstance(value, tuple) else value
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_thesis_is_what_the_defaults_say(model):
+    assert preset("thesis") == RunConfig()
+    assert preset("thesis", model) == RunConfig(model=model)
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_preset_is_the_defaults_and_what_its_file_names(name, model):
+    file = stored(name)
+    special = dict(leaves(file.pop("models", {}).get(model, {})))
+    named = {**dict(leaves(file)), **special, "model": model}
+    defaults = dict(leaves(to_dict(RunConfig())))
+    assert dict(leaves(to_dict(preset(name, model)))) == {**defaults, **named}
+
+
+def test_the_preset_has_no_dead_settings():
+    file = stored("semrl")
+    tables = file.pop("models", {})
+    defaults = dict(leaves(to_dict(RunConfig())))
+    assert [path for path, value in leaves(file) if value == defaults[path]] == []
+    for model, table in tables.items():
+        assert model in MODELS
+        without = {**defaults, **dict(leaves(file))}
+        assert [path for path, value in leaves(table) if value == without[path]] == []
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("name", PRESETS)
+def test_toml_gives_back_the_same_configuration(name, model, tmp_path):
+    config = preset(name, model, {"seed": 7, "environment": {"actions": ["LEFT", "RIGHT"]}, "checkpoint_seconds": 0.1})
+    path = tmp_path / "config.toml"
+    path.write_text(write_toml(config))
+    assert from_dict(read_toml(path), source="file") == config
+    assert dict(leaves(read_toml(path))) == dict(leaves(to_dict(config)))
+
+
+def test_every_setting_is_written_though_it_has_its_default():
+    """A run must stay what it was when a default changes."""
+    written = tomllib.loads(write_toml(preset("semrl", "birch")))
+    assert dict(leaves(written)).keys() == dict(leaves(to_dict(RunConfig()))).keys()
+
+
+def test_overrides_win_over_the_table_of_the_model_and_the_preset():
+    config = preset("semrl", "ram", {"agent": {"n_steps": 9}})
+    assert config.agent == dataclasses.replace(preset("semrl", "ram").agent, n_steps=9)
+
+
+def test_a_file_may_hold_tables_of_models_too():
+    tables = {"ram": {"agent": {"n_steps": 7}}, "otsu": {"agent": {"n_steps": 8}}}
+    overrides = {"agent": {"n_steps": 9}, "models": tables}
+    assert [preset("semrl", model, overrides).agent.n_steps for model in ("ram", "otsu", "birch")] == [7, 8, 9]
+    with pytest.raises(UsageError, match=r"unknown setting 'models\.rma'; did you mean 'models\.ram'"):
+        preset("semrl", "ram", {"models": {"rma": {}}})
+    with pytest.raises(UsageError, match="holds a table for each model"):
+        preset("semrl", "ram", {"models": 3})
+
+
+def test_the_model_of_an_override_chooses_the_table():
+    assert preset("semrl", None, {"model": "birch"}) == preset("semrl", "birch")
+    assert preset("semrl", "otsu", {"model": "birch"}) == preset("semrl", "otsu")
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"frame": 3}, "unknown setting 'frame'; did you mean 'frames'"),
+        ({"agent": {"batchsize": 3}}, "unknown setting 'agent.batchsize'; did you mean 'agent.batch_size'"),
+        ({"agent": 3}, "agent"),
+        ({"decisions": "many"}, "decisions"),
+        ({"decisions": 1.5}, "decisions"),
+        ({"agent": {"double": 1}}, "double"),
+        ({"agent": {"network": {"hidden_units": ["a"]}}}, "hidden_units"),
+        ({"model": "ramm"}, "model"),
+        ({"pipeline": {"hashed": {"dimension": 0}}}, "dimension must be 1 or more"),
+    ],
+)
+def test_wrong_values_are_named_with_their_source(values, said):
+    with pytest.raises(UsageError) as caught:
+        from_dict(values, source="here.toml")
+    assert str(caught.value).startswith("here.toml: ") and said in str(caught.value)
+
+
+NOT_A_NUMBER = float("nan")
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"decisions": 0},
+        {"decisions": -400},
+        {"seed": -1},
+        {"seed": 1 << 63},
+        {"threads": 0},
+        {"threads": 1_000_000},
+        {"checkpoint_seconds": -0.1},
+        {"checkpoint_seconds": NOT_A_NUMBER},
+        {"evaluation": {"episodes": 0}},
+        {"evaluation": {"max_noops": -1}},
+        {"evaluation": {"exploration": 1.01}},
+        {"evaluation": {"exploration": NOT_A_NUMBER}},
+        {"environment": {"frame_skip": 0}},
+        {"environment": {"sticky_actions": 1.5}},
+        {"environment": {"max_noops": -1}},
+        {"pipeline": {"detection": {"threshold_frames": 0}}},
+        {"pipeline": {"pca": {"components": 0}}},
+        {"pipeline": {"birch": {"max_classes": 0}}},
+        {"pipeline": {"scene": {"proximity_px": NOT_A_NUMBER}}},
+    ],
+)
+def test_impossible_values_are_refused(wrong):
+    with pytest.raises(UsageError):
+        from_dict(wrong, source="here.toml")
+
+
+def test_the_smallest_budget_is_one_decision():
+    assert from_dict({"decisions": 1}, source="test").decisions == 1
+
+
+@pytest.mark.parametrize("content", [b"frames = ", b"[agent\n", b"\xff\xfe", b"frames = 1\nframes = 2"])
+def test_files_that_are_no_toml_are_named(tmp_path, content):
+    path = tmp_path / "bad.toml"
+    path.write_bytes(content)
+    with pytest.raises(UsageError, match=r"bad\.toml is not valid TOML"):
+        read_toml(path)
+
+
+def test_files_that_cannot_be_read_are_named(tmp_path):
+    for path in (tmp_path / "none.toml", tmp_path):
+        with pytest.raises(UsageError, match=f"cannot read {path}"):
+            read_toml(path)
+
+
+def test_unknown_presets_and_models_are_named():
+    with pytest.raises(UsageError, match="there are semrl, thesis"):
+        preset("thesiss")
+    with pytest.raises(UsageError, match="there are baseline, otsu"):
+        preset("thesis", "sematic")
