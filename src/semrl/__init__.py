@@ -5,30 +5,27 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from semrl.envs import make_env
-    from semrl.evaluation import evaluate, load_pipeline
-    from semrl.perception.pipeline import Pipeline
+    from semrl.evaluation import evaluate, load_encoder
     from semrl.training import preset, train
     from semrl.wrappers import SemanticObservation, SemanticVectorObservation
 
 __version__ = "0.1.0"
 
 _HOME = {
-    "Pipeline": "semrl.perception.pipeline",
     "SemanticObservation": "semrl.wrappers",
     "SemanticVectorObservation": "semrl.wrappers",
     "evaluate": "semrl.evaluation",
-    "load_pipeline": "semrl.evaluation",
+    "load_encoder": "semrl.evaluation",
     "make_env": "semrl.envs",
     "preset": "semrl.training",
     "train": "semrl.training",
 }
 
 __all__ = [
-    "Pipeline",
     "SemanticObservation",
     "SemanticVectorObservation",
     "evaluate",
-    "load_pipeline",
+    "load_encoder",
     "make_env",
     "preset",
     "train",

@@ -1,7 +1,5 @@
 """Symbols for other people's agents: Gymnasium wrappers around any environment with RGB frames."""
 
-import copy
-from collections.abc import Sequence
 from itertools import compress
 from pathlib import Path
 from typing import Any, Literal
@@ -13,10 +11,9 @@ from numpy.typing import NDArray
 from semrl.core import IMAGE_SIZE_PX, Observation
 from semrl.core.errors import UsageError
 from semrl.envs import rom_name
-from semrl.evaluation import load_pipeline
-from semrl.perception.config import MODELS
-from semrl.perception.embedding import build_scene_graph
-from semrl.perception.pipeline import Pipeline
+from semrl.evaluation import load_encoder
+from semrl.perception.encoders import Encoder
+from semrl.perception.encoders.classes import class_image
 
 
 class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.utils.RecordConstructorArgs):
@@ -29,7 +26,7 @@ class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.ut
         environments with frame skip.
     encoder
         Folder of a trained run of a model that sees objects (``birch``, ``semantic``, ``semantic-map``, ``objects``,
-        ``objects-map``; ``birch`` has no vectors), or its `Pipeline`, which stays as it is.
+        ``objects-map``; ``birch`` has no vectors), or its `Encoder`, which stays as it is.
     output
         ``"vector"``: the embedding of the scene, or the slots of tracked objects, and its difference to the
         previous one (§3.2.3), ``(2 d,)`` float32; `feature_names` tells which number is what. ``"labels"``: every pixel
@@ -39,7 +36,7 @@ class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.ut
     ----------
     feature_names : tuple of str
         Of the numbers of a vector; those of labels have none.
-    pipeline : Pipeline
+    encoder : Encoder
         What it sees with.
 
     Raises
@@ -52,39 +49,40 @@ class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.ut
     def __init__(
         self,
         env: gym.Env[Any, Any],
-        encoder: str | Path | Pipeline,
+        encoder: str | Path | Encoder,
         output: Literal["vector", "labels"] = "vector",
     ) -> None:
         # Gymnasium makes a wrapped environment again from its recorded arguments.
         gym.utils.RecordConstructorArgs.__init__(self, encoder=encoder, output=output, _disable_deepcopy=True)
         gym.ObservationWrapper.__init__(self, env)
         _check_frames(env.observation_space)
-        # What was learned may be shared; the tracks of an episode may not.
-        self.pipeline = copy.copy(encoder) if isinstance(encoder, Pipeline) else load_pipeline(encoder)
+        self.encoder = load_encoder(encoder) if isinstance(encoder, str | Path) else encoder
         self.output = output
         self._previous: NDArray[np.float32] | None = None
-        _check_learned(self.pipeline, output)
-        _check_game(self.pipeline, rom_name(env))
-        self.feature_names = _feature_names(self.pipeline) if output == "vector" else ()
+        _check_learned(self.encoder, output)
+        _check_game(self.encoder, rom_name(env))
+        self._episode = self.encoder.begin()
+        self.feature_names = _feature_names(self.encoder) if output == "vector" else ()
         if output == "labels":
             self.observation_space = gym.spaces.Box(0, 255, (IMAGE_SIZE_PX, IMAGE_SIZE_PX, 1), np.uint8)
         else:
-            self.observation_space = _vector_space(self.pipeline)
+            self.observation_space = _vector_space(self.encoder)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[Any], dict[str, Any]]:
         """Reset; the first difference is zero."""
         self._previous = None
-        self.pipeline.begin_episode()
+        self._episode = self.encoder.begin()
         return super().reset(seed=seed, options=options)
 
     def observation(self, observation: NDArray[np.uint8]) -> NDArray[Any]:
         """Elevate one frame."""
-        frame = Observation(frame=observation)
         if self.output == "labels":
-            return self.pipeline.class_image(self.pipeline.detect(frame))[:, :, None]
-        current = self.pipeline.encode(frame)
+            perception = self.encoder.perception
+            assert perception is not None, "checked at the beginning"
+            return class_image(perception, perception.detector.detect(observation))[:, :, None]
+        current = self._episode.encode(Observation(frame=observation)).vector
         previous = current if self._previous is None else self._previous
         self._previous = current
         return np.concatenate([current, current - previous])
@@ -101,11 +99,11 @@ class SemanticVectorObservation(gym.vector.VectorObservationWrapper):
     env
         A vector environment; its observations are RGB frames, ``(n, height, width, 3)`` uint8.
     encoder
-        Folder of a trained run, or its `Pipeline`, as of `SemanticObservation`.
+        Folder of a trained run, or its `Encoder`, as of `SemanticObservation`.
 
     Attributes
     ----------
-    feature_names, pipeline
+    feature_names, encoder
         As of `SemanticObservation`.
 
     Raises
@@ -116,23 +114,22 @@ class SemanticVectorObservation(gym.vector.VectorObservationWrapper):
         the next step (Gymnasium's default).
     """
 
-    def __init__(self, env: gym.vector.VectorEnv[Any, Any, Any], encoder: str | Path | Pipeline) -> None:
+    def __init__(self, env: gym.vector.VectorEnv[Any, Any, Any], encoder: str | Path | Encoder) -> None:
         mode = env.metadata.get("autoreset_mode", gym.vector.AutoresetMode.NEXT_STEP)
         if mode != gym.vector.AutoresetMode.NEXT_STEP:
             raise UsageError(f"a semantic observation needs environments that begin anew at the next step, not {mode}")
         super().__init__(env)
         _check_frames(env.single_observation_space)
-        self.pipeline = encoder if isinstance(encoder, Pipeline) else load_pipeline(encoder)
-        _check_learned(self.pipeline, "vector")
+        self.encoder = load_encoder(encoder) if isinstance(encoder, str | Path) else encoder
+        _check_learned(self.encoder, "vector")
         for single in getattr(env.unwrapped, "envs", ()):  # those in other processes do not tell their game
-            _check_game(self.pipeline, rom_name(single))
-        self.feature_names = _feature_names(self.pipeline)
-        self.single_observation_space = _vector_space(self.pipeline)
+            _check_game(self.encoder, rom_name(single))
+        self.feature_names = _feature_names(self.encoder)
+        self.single_observation_space = _vector_space(self.encoder)
         self.observation_space = gym.vector.utils.batch_space(self.single_observation_space, env.num_envs)
         self._begins = np.ones(env.num_envs, np.bool_)
-        self._previous = np.zeros((env.num_envs, self.pipeline.shape[0]), np.float32)
-        # What was learned is shared; each environment has tracks of its own.
-        self._watchers = [copy.copy(self.pipeline) for _ in range(env.num_envs if self.pipeline.follows else 0)]
+        self._previous = np.zeros((env.num_envs, self.encoder.space.shape[0]), np.float32)
+        self._episodes = [self.encoder.begin() for _ in range(env.num_envs)]
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -149,18 +146,16 @@ class SemanticVectorObservation(gym.vector.VectorObservationWrapper):
 
     def observations(self, observations: NDArray[np.uint8]) -> NDArray[Any]:
         """Elevate the frames of all environments."""
-        current = self._elevate([Observation(frame=frame) for frame in observations])
+        for place in compress(range(len(self._episodes)), self._begins):
+            self._episodes[place] = self.encoder.begin()
+        current = np.stack([
+            episode.encode(Observation(frame=frame)).vector
+            for episode, frame in zip(self._episodes, observations, strict=True)
+        ])  # fmt: skip
         change = np.where(self._begins[:, None], np.float32(0), current - self._previous)
         self._previous = current
         self._begins = np.zeros(len(current), np.bool_)
         return np.concatenate([current, change], axis=1)
-
-    def _elevate(self, seen: Sequence[Observation]) -> NDArray[Any]:
-        if not self._watchers:
-            return self.pipeline.encode_batch(seen)
-        for watcher in compress(self._watchers, self._begins):
-            watcher.begin_episode()
-        return np.stack([watcher.encode(shown) for watcher, shown in zip(self._watchers, seen, strict=True)])
 
 
 def _check_frames(space: gym.Space[Any]) -> None:
@@ -169,38 +164,33 @@ def _check_frames(space: gym.Space[Any]) -> None:
         raise UsageError(f"a semantic observation needs RGB frames of uint8, got {space}")
 
 
-def _vector_space(pipeline: Pipeline) -> gym.spaces.Box:
-    return gym.spaces.Box(-np.inf, np.inf, (2 * pipeline.shape[0],), np.float32)
+def _vector_space(encoder: Encoder) -> gym.spaces.Box:
+    return gym.spaces.Box(-np.inf, np.inf, (2 * encoder.space.shape[0],), np.float32)
 
 
-def _feature_names(pipeline: Pipeline) -> tuple[str, ...]:
+def _feature_names(encoder: Encoder) -> tuple[str, ...]:
     """Name the numbers of a vector, then their differences; those of an embedding mean nothing by themselves."""
-    facts, d = pipeline.facts, pipeline.shape[0]
-    names = [f"embedding {i}" for i in range(d)]
-    if pipeline.names:
-        named = pipeline.names[: facts.stop - facts.start]
-        free = [f"free slot {i}" for i in range(facts.stop - facts.start - len(named))]
-        names[facts] = [*named, *free]
+    space = encoder.space
+    names = [f"embedding {i}" for i in range(space.shape[0])]
+    if space.names:  # the facts stand at the end
+        free = [f"free slot {i}" for i in range(space.n_facts - len(space.names))]
+        names[space.shape[0] - space.n_facts :] = [*space.names, *free]
     return (*names, *(f"change of {name}" for name in names))
 
 
-def _check_game(pipeline: Pipeline, rom: str | None) -> None:
-    if pipeline.rom and rom and pipeline.rom != rom:
-        raise UsageError(f"this perception has learned to see {pipeline.rom}, not {rom}: train a run on {rom}")
+def _check_game(encoder: Encoder, rom: str | None) -> None:
+    if encoder.rom and rom and encoder.rom != rom:
+        raise UsageError(f"this perception has learned to see {encoder.rom}, not {rom}: train a run on {rom}")
 
 
-def _check_learned(pipeline: Pipeline, output: str) -> None:
-    """Complain of what was not learned; the embedding does so itself when it is shown an empty scene."""
-    views = {"labels": ("classes", "embedding", "objects"), "vector": ("embedding", "objects")}
-    if output not in views:
+def _check_learned(encoder: Encoder, output: str) -> None:
+    """Complain of what cannot be shown, or was not learned."""
+    if output not in ("vector", "labels"):
         raise UsageError(f"output must be 'vector' or 'labels', not '{output}'")
-    if pipeline.view not in views[output]:
-        models = ", ".join(model for model, view in MODELS.items() if view in views[output])
-        raise UsageError(
-            f"output '{output}' needs a run of one of the models {models}; this one sees '{pipeline.view}'"
-        )
-    detects = pipeline.roles.is_fitted if pipeline.follows else pipeline.detector.is_fitted
-    if not (detects and pipeline.pca.is_fitted and pipeline.birch.n_leaves_):
+    has_vectors = len(encoder.space.shape) == 1
+    if encoder.perception is None or (output == "vector" and not has_vectors):
+        need = "a vector" if output == "vector" else "objects"
+        raise UsageError(f"output '{output}' needs a run whose agent sees {need}; this one's does not")
+    ready = encoder.is_fitted if output == "vector" else encoder.perception.clusterer.is_fitted
+    if not ready:
         raise UsageError("this perception has not learned to tell objects apart yet: the run needs more decisions")
-    if pipeline.view == "embedding" and output == "vector":
-        pipeline.embedder.transform(build_scene_graph(np.empty(0), np.empty((0, 2)), 0.0))

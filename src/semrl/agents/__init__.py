@@ -3,6 +3,10 @@
 from semrl.agents.config import DQNConfig
 from semrl.agents.dqn import DQN
 from semrl.agents.networks import NetworkConfig
+from semrl.agents.protocol import Agent
 from semrl.agents.tabular import QLearning, QLearningConfig
+from semrl.core.registry import Registry
 
-__all__ = ["DQN", "DQNConfig", "NetworkConfig", "QLearning", "QLearningConfig"]
+AGENTS: Registry[Agent] = Registry("agents", {"dqn": "semrl.agents.dqn:DQN"})
+
+__all__ = ["AGENTS", "DQN", "Agent", "DQNConfig", "NetworkConfig", "QLearning", "QLearningConfig"]

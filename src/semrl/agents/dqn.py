@@ -5,14 +5,15 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
 from semrl.agents.config import DQNConfig
-from semrl.agents.networks import build_network
+from semrl.agents.devices import Device, pick_device
+from semrl.agents.networks import QNetwork
 from semrl.agents.replay import Batch, ReplayBuffer
-from semrl.core import Ints
+from semrl.core import AgentObservation, Floats, Ints, StateSpace
 from semrl.core.arrays import Arrays, array_to_rng, nest, rng_to_array, unnest
 from semrl.core.errors import SemrlError
 
@@ -24,43 +25,47 @@ class DQN:
     ----------
     config
         Parameters of learning.
-    shape, dtype
-        Of one observation: ``(84, 84)`` uint8 or ``(d,)`` float32.
+    space
+        Of what it is shown: images, ``(84, 84)`` uint8, or vectors, ``(d,)`` float32.
     n_actions
         Number of actions.
     seed
         Of weights, exploration and replay.
-    goal_size
-        How many numbers at the end of an observation are a goal (§3.4.4).
+    plan_size
+        Features of a plan that it is shown as well (§3.4.4).
     budget
         Decisions in all, by which learning rate and exploration fall late; when None, they do not.
+    device
+        Where the networks are: ``"auto"`` takes a GPU where there is one, else the CPU.
     """
 
     def __init__(
         self,
         config: DQNConfig,
-        shape: tuple[int, ...],
-        dtype: DTypeLike,
-        n_actions: int,
         *,
+        space: StateSpace,
+        n_actions: int,
         seed: int,
-        goal_size: int = 0,
+        plan_size: int = 0,
         budget: int | None = None,
+        device: Device = "cpu",
     ) -> None:
         self.config = config
         self.n_actions = n_actions
         self.budget = budget
-        self.replay = ReplayBuffer(config.replay_capacity, shape, dtype)
+        self.device = pick_device(device)
+        self.replay = ReplayBuffer(config.replay_capacity, space.shape, space.dtype, plan_size)
         n_values = n_actions * config.heads
         self.network, self.target = (
-            build_network(shape, n_values, config.network, seed=seed, goal_size=goal_size) for _ in range(2)
+            QNetwork(space.shape, n_values, config.network, seed=seed, plan_size=plan_size).to(self.device)
+            for _ in range(2)
         )
         self.optimiser = torch.optim.Adam(
             self.network.parameters(),
             lr=config.learning_rate,
             betas=(config.adam_beta1, config.adam_beta2),
             eps=config.adam_epsilon,
-            fused=len(shape) == 1,  # twice as fast for small networks, slower for convolutions
+            fused=len(space.shape) == 1,  # twice as fast for small networks, slower for convolutions
         )
         self._rng = np.random.default_rng(seed)
         self._head = 0  # which is followed
@@ -85,31 +90,28 @@ class DQN:
         late = 0.0 if self.budget is None else max(0.0, 2 * min(1.0, self.decisions_ / self.budget) - 1)
         return 1 - late * (1 - final)
 
-    def act(self, state: NDArray[Any], advised: int | None = None) -> int:
-        """Choose an action for ``(2, *shape)``, the current and the previous observation: ε-greedy.
-
-        Advice, where there is any, is followed in place of the values.
-        """
+    def act(self, shown: AgentObservation, advised: int | None = None) -> int:
+        """Choose an action: ε-greedy. Advice, where there is any, is followed in place of the values."""
         if self._rng.random() < self.exploration:
             return int(self._rng.integers(self.n_actions))
         if advised is not None:
             return advised
-        values = self._head_values(state[None])[0]
+        values = self._head_values(shown)
         share = self.config.voting * (1 - self._late(0.0))
         followed = values.mean(axis=0) if share and self._rng.random() < share else values[self._head]
         return int(followed.argmax())
 
-    def best_action(self, state: NDArray[Any]) -> int:
-        """Return the action of the highest value in a state, ``(2, *shape)``."""
-        return int(self.action_values(state[None])[0].argmax())
+    def best_action(self, shown: AgentObservation) -> int:
+        """Return the action of the highest value."""
+        return int(self.action_values(shown).argmax())
 
-    def action_values(self, states: NDArray[Any]) -> NDArray[np.float32]:
-        """Return the estimated values of all actions, ``(b, n_actions)``, for ``(b, 2, *shape)``: the heads' mean."""
-        return np.asarray(self._head_values(states).mean(axis=1))
+    def action_values(self, shown: AgentObservation) -> Floats:
+        """Return the estimated values of all actions, ``(n_actions,)``: the heads' mean."""
+        return np.asarray(self._head_values(shown).mean(axis=0))
 
     def observe(
         self,
-        observation: NDArray[Any],
+        shown: AgentObservation,
         action: int,
         reward: float,
         *,
@@ -120,20 +122,26 @@ class DQN:
         """Remember one decision, and what a planner would have done, and, when it is time, learn."""
         c = self.config
         reward = float(np.sign(reward)) if c.clip_rewards else reward
-        self.replay.add(observation, action, reward, terminated=terminated, start=start, advised=advised)
+        self.replay.add(
+            shown.vectors[0], shown.plan, action, reward, terminated=terminated, start=start, advised=advised
+        )
         self.decisions_ += 1
         if reward or self._rng.random() * c.head_decisions < 1:
             self._head = int(self._rng.integers(c.heads))
         if self.decisions_ == c.initial_buffer and c.network.normalise_input:
-            states = torch.from_numpy(self.replay.latest(c.initial_buffer))
+            states = self._tensor(self.replay.latest(c.initial_buffer))
             for network in (self.network, self.target):
-                network[0].fit(states)  # type: ignore[operator]
+                network.state_input.fit(states)
         if self.decisions_ >= c.initial_buffer and self.decisions_ % c.decisions_per_update == 0:
             self.update(self._sample())
 
-    def end_episode(self, observation: NDArray[Any]) -> None:
-        """Remember the last observation of an episode."""
-        self.replay.end_episode(observation)
+    def end_episode(self, shown: AgentObservation) -> None:
+        """Remember the last state of an episode."""
+        self.replay.end_episode(shown.vectors[0], shown.plan)
+
+    def measured(self) -> dict[str, Any]:
+        """Return exploration, the newest loss and the number of updates."""
+        return {"exploration": self.exploration, "loss": self.loss_, "updates": self.updates_}
 
     def update(self, batch: Batch) -> None:
         """Take one gradient step on a batch (eq. 2.1 with the squared error clipped to linear beyond 1).
@@ -143,7 +151,7 @@ class DQN:
         SemrlError
             When the loss is not a number.
         """
-        values = self._per_head(self.network(torch.from_numpy(batch.states)))
+        values = self._per_head(self.network(self._tensor(batch.states), self._tensor(batch.plans)))
         taken = self._of_actions(values, batch.actions)
         loss = functional.smooth_l1_loss(taken, self._targets(batch))
         if self.config.advice_weight:
@@ -178,9 +186,15 @@ class DQN:
             "loss": np.array(self.loss_),
         }
 
+    def inference_arrays(self) -> Arrays:
+        """Return the weights of the Q-network alone."""
+        return nest(network=_module_arrays(self.network))
+
     def from_arrays(self, arrays: Arrays) -> None:
-        """Go on exactly where `to_arrays` was called."""
-        self.load_network(unnest(arrays, "network"))
+        """Go on exactly where `to_arrays` was called; of the weights alone, play as it did there."""
+        _load_module(self.network, unnest(arrays, "network"))
+        if "counters" not in arrays:
+            return
         _load_module(self.target, unnest(arrays, "target"))
         self._load_optimiser(unnest(arrays, "optimiser"))
         self.replay.from_arrays(unnest(arrays, "replay"))
@@ -188,10 +202,6 @@ class DQN:
         self.decisions_, self.updates_ = (int(n) for n in arrays["counters"])
         self._head = int(arrays["head"])
         self.loss_ = float(arrays["loss"])
-
-    def load_network(self, arrays: Arrays) -> None:
-        """Take over the weights of the Q-network alone; enough to play."""
-        _load_module(self.network, arrays)
 
     def _sample(self) -> Batch:
         c = self.config
@@ -205,38 +215,43 @@ class DQN:
 
     def _targets(self, batch: Batch) -> Tensor:
         with torch.no_grad():
-            next_states = torch.from_numpy(batch.next_states)
-            next_values = self._per_head(self.target(next_states))
+            following = self._tensor(batch.next_states), self._tensor(batch.next_plans)
+            next_values = self._per_head(self.target(*following))
             if self.config.double:
-                best = self._per_head(self.network(next_states)).argmax(dim=2, keepdim=True)
+                best = self._per_head(self.network(*following)).argmax(dim=2, keepdim=True)
                 value = next_values.gather(2, best)[:, :, 0]
             else:
                 value = next_values.amax(dim=2)
-            returns, discounts = torch.from_numpy(batch.returns), torch.from_numpy(batch.discounts)
+            returns, discounts = self._tensor(batch.returns), self._tensor(batch.discounts)
             targets: Tensor = returns[:, None] + discounts[:, None] * value  # (b, heads)
         return targets
 
     def _of_actions(self, values: Tensor, actions: Ints) -> Tensor:
         """Return the values of ``(b,)`` actions, ``(b, heads)``, of ``(b, heads, n_actions)``."""
-        return values.gather(2, torch.from_numpy(actions)[:, None, None].expand(-1, self.config.heads, 1))[:, :, 0]
+        return values.gather(2, self._tensor(actions)[:, None, None].expand(-1, self.config.heads, 1))[:, :, 0]
 
     def _advice_missed(self, values: Tensor, advised: Ints) -> Tensor:
         """Return by how much advised actions fall short of the margin over all others, on average."""
         given = np.flatnonzero(advised >= 0)
         if not len(given):
             return values.new_zeros(())
-        values, advice = values[torch.from_numpy(given)], advised[given]
-        margins = torch.full((len(given), 1, self.n_actions), self.config.advice_margin)
-        margins[torch.arange(len(given)), 0, torch.from_numpy(advice)] = 0.0
+        values, advice = values[self._tensor(given)], advised[given]
+        margins = torch.full((len(given), 1, self.n_actions), self.config.advice_margin, device=self.device)
+        margins[torch.arange(len(given), device=self.device), 0, self._tensor(advice)] = 0.0
         return ((values + margins).amax(dim=2) - self._of_actions(values, advice)).mean()
 
     def _per_head(self, values: Tensor) -> Tensor:
         """View the network's output as ``(b, heads, n_actions)``."""
         return values.view(len(values), self.config.heads, self.n_actions)
 
-    def _head_values(self, states: NDArray[Any]) -> NDArray[np.float32]:
+    def _head_values(self, shown: AgentObservation) -> Floats:
+        """Return what each head makes of one state, ``(heads, n_actions)``."""
         with torch.inference_mode():
-            return np.asarray(self._per_head(self.network(torch.from_numpy(states))).numpy(), dtype=np.float32)
+            values = self.network(self._tensor(shown.vectors[None]), self._tensor(shown.plan[None]))
+            return np.asarray(self._per_head(values)[0].cpu().numpy(), dtype=np.float32)
+
+    def _tensor(self, array: NDArray[Any]) -> Tensor:
+        return torch.from_numpy(array).to(self.device)
 
     def _renew_target(self) -> None:
         with torch.no_grad():
@@ -245,7 +260,7 @@ class DQN:
 
     def _optimiser_arrays(self) -> Arrays:
         state = self.optimiser.state_dict()["state"]
-        return {f"{i}/{name}": value.numpy() for i, moments in state.items() for name, value in moments.items()}
+        return {f"{i}/{name}": value.cpu().numpy() for i, moments in state.items() for name, value in moments.items()}
 
     def _load_optimiser(self, arrays: Arrays) -> None:
         whole = self.optimiser.state_dict() | {"state": {}}
@@ -256,7 +271,7 @@ class DQN:
 
 
 def _module_arrays(module: torch.nn.Module) -> Arrays:
-    return {name: value.numpy() for name, value in module.state_dict().items()}
+    return {name: value.cpu().numpy() for name, value in module.state_dict().items()}
 
 
 def _load_module(module: torch.nn.Module, arrays: Arrays) -> None:

@@ -37,15 +37,12 @@ LEAST_DEVIATION = 0.5
 class StateInput(nn.Module):
     """Turn (current, previous) observations into (current, difference), §3.3.
 
-    Bytes are divided by 255. Vectors may be normalised; mean and scale are set once, by `fit`. A goal at the end
-    of a vector stays as it is, since there may be none yet when `fit` is called; it only counts, as the numbers it then
-    is, towards the least deviation. It has no difference: 0 stands in its place.
+    Bytes are divided by 255. Vectors may be normalised; mean and scale are set once, by `fit`.
     """
 
-    def __init__(self, shape: tuple[int, ...], *, is_image: bool, goal_size: int = 0) -> None:
+    def __init__(self, shape: tuple[int, ...], *, is_image: bool) -> None:
         super().__init__()
         self.is_image = is_image
-        self.goal_size = goal_size
         self.unit = 1 / 255 if is_image else 1.0
         size = () if is_image else (2, *shape)
         self.mean: Tensor
@@ -64,9 +61,6 @@ class StateInput(nn.Module):
         least = LEAST_DEVIATION * deviation.square().mean(dim=1, keepdim=True).sqrt()
         deviation = torch.maximum(deviation, least)
         self.scale.copy_(torch.where(deviation > 0, 1 / deviation, torch.ones_like(deviation)))
-        if self.goal_size:
-            self.mean[:, -self.goal_size :] = 0
-            self.scale[:, -self.goal_size :] = 1
 
     def forward(self, states: Tensor) -> Tensor:
         """Map ``(b, 2, *shape)`` of bytes or floats to ``(b, 2, *shape)`` float32."""
@@ -74,10 +68,7 @@ class StateInput(nn.Module):
 
     def _differences(self, states: Tensor) -> Tensor:
         x = states.float() * self.unit
-        x = torch.stack([x[:, 0], x[:, 0] - x[:, 1]], dim=1)
-        if self.goal_size:
-            x[:, 1, -self.goal_size :] = 0
-        return x
+        return torch.stack([x[:, 0], x[:, 0] - x[:, 1]], dim=1)
 
 
 class FourierFeatures(nn.Module):
@@ -85,62 +76,72 @@ class FourierFeatures(nn.Module):
 
     Dense layers learn slowly what changes fast with a coordinate; of these features it is a smooth function
     (Tancik et al., "Fourier features let networks learn high frequency functions in low dimensional domains",
-    NeurIPS 2020). A goal at the end of a vector is only passed on.
+    NeurIPS 2020).
     """
 
-    def __init__(self, frequencies: int, goal_size: int = 0) -> None:
+    def __init__(self, frequencies: int) -> None:
         super().__init__()
-        self.goal_size = goal_size
         self.factors: Tensor
         self.register_buffer("factors", 2.0 ** torch.arange(frequencies), persistent=False)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Map ``(b, 2, d)`` to ``(b, 2 * d + 4 * (d - goal_size) * frequencies)``."""
-        angles = (x[:, :, : x.shape[2] - self.goal_size, None] * self.factors).flatten(1)
+        """Map ``(b, 2, d)`` to ``(b, 2 * d + 4 * d * frequencies)``."""
+        angles = (x[:, :, :, None] * self.factors).flatten(1)
         return torch.cat([x.flatten(1), angles.sin(), angles.cos()], dim=1)
 
 
-def build_network(
-    shape: tuple[int, ...], n_actions: int, config: NetworkConfig, *, seed: int, goal_size: int = 0
-) -> nn.Sequential:
-    """Make the Q-network for observations of a shape.
+class QNetwork(nn.Module):
+    """The Q-network: of a state, its difference to the one before, and the features of a plan, to action values.
 
     Parameters
     ----------
     shape
         ``(84, 84)`` for images, ``(d,)`` for vectors.
-    n_actions
+    n_values
         Number of outputs.
     config
-        Its shape.
+        Widths and input.
     seed
         Of the initial weights; PyTorch's global generator stays as it was.
-    goal_size
-        How many numbers at the end of a vector are a goal.
+    plan_size
+        Features of a plan, which the dense layers are given beside the state; 0 where there is no planner.
     """
-    is_image = len(shape) > 1
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
-        body, width = _convolutions() if is_image else _flat(shape[0], config.frequencies, goal_size)
-        dense: list[nn.Module] = []
-        for units in config.hidden_units:
-            dense += [nn.Linear(width, units)]
-            dense += [nn.LayerNorm(units)] if config.layer_norm else []
-            dense += [nn.ReLU()]
-            width = units
-        return nn.Sequential(
-            StateInput(shape, is_image=is_image, goal_size=goal_size), *body, *dense, nn.Linear(width, n_actions)
-        )
+
+    def __init__(
+        self, shape: tuple[int, ...], n_values: int, config: NetworkConfig, *, seed: int, plan_size: int = 0
+    ) -> None:
+        super().__init__()
+        is_image = len(shape) > 1
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            self.state_input = StateInput(shape, is_image=is_image)
+            self.body, width = _convolutions() if is_image else _flat(shape[0], config.frequencies)
+            self.dense = _dense(width + plan_size, n_values, config)
+
+    def forward(self, states: Tensor, plans: Tensor) -> Tensor:
+        """Map states, ``(b, 2, *shape)`` of bytes or floats, and plans, ``(b, p)``, to ``(b, n_values)``."""
+        values: Tensor = self.dense(torch.cat([self.body(self.state_input(states)), plans], dim=1))
+        return values
 
 
-def _flat(size: int, frequencies: int, goal_size: int) -> tuple[list[nn.Module], int]:
+def _dense(width: int, n_values: int, config: NetworkConfig) -> nn.Sequential:
+    layers: list[nn.Module] = []
+    for units in config.hidden_units:
+        layers += [nn.Linear(width, units)]
+        layers += [nn.LayerNorm(units)] if config.layer_norm else []
+        layers += [nn.ReLU()]
+        width = units
+    return nn.Sequential(*layers, nn.Linear(width, n_values))
+
+
+def _flat(size: int, frequencies: int) -> tuple[nn.Module, int]:
     """Return the layer that lays a vector and its difference out, and the number of values it gives."""
     if not frequencies:
-        return [nn.Flatten()], 2 * size
-    return [FourierFeatures(frequencies, goal_size)], 2 * size + 4 * (size - goal_size) * frequencies
+        return nn.Flatten(), 2 * size
+    return FourierFeatures(frequencies), 2 * size + 4 * size * frequencies
 
 
-def _convolutions() -> tuple[list[nn.Module], int]:
+def _convolutions() -> tuple[nn.Module, int]:
     """Return the three convolutions of Fig. 3.8 and the number of values they give."""
     layers = [
         nn.Conv2d(2, 32, 8, stride=4), nn.ReLU(),  # 84 → 20
@@ -148,4 +149,4 @@ def _convolutions() -> tuple[list[nn.Module], int]:
         nn.Conv2d(64, 64, 3, stride=1), nn.ReLU(),  # 4 → 2
         nn.Flatten(),
     ]  # fmt: skip
-    return layers, 2 * 2 * 64
+    return nn.Sequential(*layers), 2 * 2 * 64

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from semrl.core import Ints
+from semrl.core import Floats, Ints
 from semrl.core.arrays import Arrays
 from semrl.core.errors import DataError
 
@@ -25,6 +25,8 @@ class Batch:
     ----------
     states, next_states
         ``(b, 2, *shape)`` of the observations' dtype.
+    plans, next_plans
+        ``(b, p)`` float32, features of the plans in these states.
     actions
         ``(b,)`` int64.
     returns
@@ -36,9 +38,11 @@ class Batch:
     """
 
     states: NDArray[Any]
+    plans: Floats
     actions: Ints
     returns: NDArray[np.float32]
     next_states: NDArray[Any]
+    next_plans: Floats
     discounts: NDArray[np.float32]
     advised: Ints
 
@@ -55,11 +59,14 @@ class ReplayBuffer:
         Number of entries.
     shape, dtype
         Of one observation.
+    plan_size
+        Features of a plan that are stored beside it.
     """
 
-    def __init__(self, capacity: int, shape: tuple[int, ...], dtype: DTypeLike) -> None:
+    def __init__(self, capacity: int, shape: tuple[int, ...], dtype: DTypeLike, plan_size: int = 0) -> None:
         self.capacity = capacity
         self._observations = np.zeros((capacity, *shape), dtype=dtype)
+        self._plans = np.zeros((capacity, plan_size), dtype=np.float32)
         self._actions = np.full(capacity, -1, dtype=np.int16)  # −1: the end of an episode
         self._advised = np.full(capacity, -1, dtype=np.int16)  # −1: no advice
         self._rewards = np.zeros(capacity, dtype=np.float32)
@@ -73,6 +80,7 @@ class ReplayBuffer:
     def add(
         self,
         observation: NDArray[Any],
+        plan: Floats,
         action: int,
         reward: float,
         *,
@@ -80,9 +88,10 @@ class ReplayBuffer:
         start: bool,
         advised: int | None = None,
     ) -> None:
-        """Store an observation and what followed it; ``start`` marks the first of an episode."""
+        """Store an observation, its plan and what followed; ``start`` marks the first of an episode."""
         i = self._count % self.capacity
         self._observations[i] = observation
+        self._plans[i] = plan
         self._actions[i] = action
         self._advised[i] = -1 if advised is None else advised
         self._rewards[i] = reward
@@ -90,9 +99,9 @@ class ReplayBuffer:
         self._starts[i] = start
         self._count += 1
 
-    def end_episode(self, observation: NDArray[Any]) -> None:
+    def end_episode(self, observation: NDArray[Any], plan: Floats) -> None:
         """Store the last observation of an episode, after which no action was taken."""
-        self.add(observation, -1, 0.0, terminated=False, start=False)
+        self.add(observation, plan, -1, 0.0, terminated=False, start=False)
 
     def sample(
         self,
@@ -123,9 +132,11 @@ class ReplayBuffer:
         next_ticks = np.where(ended, ticks, ticks + lengths)  # after the end any entry will do: it counts 0
         return Batch(
             states=self._stack(ticks, oldest),
+            plans=self._plans[ticks % self.capacity],
             actions=self._actions[ticks % self.capacity].astype(np.int64),
             returns=(self._rewards[entries] * alive * gammas[:-1]).sum(axis=1, dtype=np.float32),
             next_states=self._stack(next_ticks, oldest),
+            next_plans=self._plans[next_ticks % self.capacity],
             discounts=np.where(ended, np.float32(0), gammas[lengths]),
             advised=self._advised[ticks % self.capacity].astype(np.int64),
         )
@@ -140,6 +151,7 @@ class ReplayBuffer:
         n = len(self)
         return {
             "observations": self._observations[:n],
+            "plans": self._plans[:n],
             "actions": self._actions[:n],
             "advised": self._advised[:n],
             "rewards": self._rewards[:n],
@@ -150,10 +162,8 @@ class ReplayBuffer:
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Take over a ring of the same capacity and shape; a full one is not copied."""
-        self._observations, self._actions, self._advised, self._rewards, self._terminated, self._starts = (
-            _extended(arrays[name], self.capacity)
-            for name in ("observations", "actions", "advised", "rewards", "terminated", "starts")
-        )
+        for name in ("observations", "plans", "actions", "advised", "rewards", "terminated", "starts"):
+            setattr(self, f"_{name}", _extended(arrays[name], self.capacity))
         self._count = int(arrays["count"])
 
     def _draw(self, rng: np.random.Generator, size: int, oldest: int, newest: int) -> Ints:

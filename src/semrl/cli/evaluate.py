@@ -13,9 +13,10 @@ import tyro
 from semrl.cli.arguments import parse
 from semrl.cli.progress import console, progress_bars, summary
 from semrl.evaluation import evaluate
-from semrl.evaluation.player import Policy, Step
+from semrl.evaluation.player import Policy
 from semrl.evaluation.video import recorder
 from semrl.training import RunFolder
+from semrl.training.loop import Step
 
 REWARDS_SHOWN = 6
 """Of each sign."""

@@ -93,8 +93,8 @@ def _show(e: Explanation) -> None:
     console.print(_scenarios(e))
     console.print()
     why = {"why the first": e.reason} | ({"what else": telling.otherwise(e)} if e.otherwise else {})
-    goal = {f"told: {part.part}": telling.told(part) for part in e.goal}
-    console.print(_rows({**why, **goal, "done": telling.deed(e), "came": telling.aftermath(e)}))
+    features = {f"plan: {part.part}": telling.told(part) for part in e.plan_features}
+    console.print(_rows({**why, **features, "done": telling.deed(e), "came": telling.aftermath(e)}))
 
 
 def _rows(values: dict[str, str]) -> Table:

@@ -11,8 +11,9 @@ import tyro
 
 from semrl.cli.arguments import parse
 from semrl.cli.progress import console, progress_bars, summary
-from semrl.evaluation.player import Policy, Step
+from semrl.evaluation.player import Policy
 from semrl.evaluation.prediction import Quality, foresight
+from semrl.training.loop import Step
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,11 +6,13 @@ corner; a pixel's centre lies at its integer coordinate.
 
 from semrl.core.named import IMAGE_SIZE_PX, NO_ACTION, Floats, Frame, Image, Ints
 from semrl.core.planned import MapGraph, Moment, Plan, Scenarios, Trajectory, Transitions
-from semrl.core.seen import Objects, Observation, Outcome, SceneGraph, Tracks
+from semrl.core.seen import Objects, Observation, Outcome, SceneGraph, Sight, Tracks
+from semrl.core.state import AgentObservation, State, StateSpace
 
 __all__ = [
     "IMAGE_SIZE_PX",
     "NO_ACTION",
+    "AgentObservation",
     "Floats",
     "Frame",
     "Image",
@@ -23,6 +25,9 @@ __all__ = [
     "Plan",
     "Scenarios",
     "SceneGraph",
+    "Sight",
+    "State",
+    "StateSpace",
     "Tracks",
     "Trajectory",
     "Transitions",

@@ -16,3 +16,12 @@ class Persistent(Protocol):
     def from_arrays(self, arrays: Arrays) -> None:
         """Take over what `to_arrays` of an equally configured component returned."""
         ...
+
+
+@runtime_checkable
+class Learner(Persistent, Protocol):
+    """Something of which a part is needed for learning alone, so that a player can do without."""
+
+    def inference_arrays(self) -> Arrays:
+        """Return the part of `to_arrays` that is enough to play; `from_arrays` takes that as well."""
+        ...

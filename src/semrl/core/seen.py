@@ -1,12 +1,12 @@
 """What the upper line makes of a frame: observations, objects, tracks, scenes."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semrl.core.named import Floats, Frame, Ints
+from semrl.core.named import IMAGE_SIZE_PX, Floats, Frame, Ints
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -138,3 +138,28 @@ class SceneGraph:
 
     def __len__(self) -> int:
         return len(self.classes)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Sight:
+    """What perception makes of one frame, to be drawn; everything it has not learned stays empty.
+
+    Attributes
+    ----------
+    boxes_px
+        ``(n, 4)`` int64, top, left, height and width in the 84×84 image.
+    classes
+        ``(n,)`` int64, or ``(0,)`` where objects have no classes.
+    edges
+        ``(m, 2)`` int64, pairs of objects that the scene graph joins.
+    labels
+        ``(84, 84)`` int64: 0 for the background, class + 1 for objects.
+    names
+        What is written beside each box; empty where there is nothing to write.
+    """
+
+    boxes_px: Ints = field(default_factory=lambda: np.empty((0, 4), np.int64))
+    classes: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    edges: Ints = field(default_factory=lambda: np.empty((0, 2), np.int64))
+    labels: Ints = field(default_factory=lambda: np.zeros((IMAGE_SIZE_PX, IMAGE_SIZE_PX), np.int64))
+    names: tuple[str, ...] = ()

@@ -1,6 +1,5 @@
 """One game being played, as a thing that can be saved at any decision and continued elsewhere."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,7 +45,7 @@ class Game:
 
     def reset(self) -> Observation:
         """Begin a new episode."""
-        return self._begin(int(self._rng.integers(2**31)))
+        return self.begin(int(self._rng.integers(2**31)))
 
     def step(self, action: int) -> Outcome:
         """Take one decision; after the end of an episode call `reset`."""
@@ -60,13 +59,6 @@ class Game:
     def played(self) -> Played:
         """This episode so far."""
         return Played(seed=self._episode_seed, actions=np.array(self._actions, dtype=np.int64))
-
-    def again(self, played: Played) -> Iterator[tuple[Observation, int | None, float]]:
-        """Play an episode again; yield what is seen, the action that led there (None at first) and its reward."""
-        yield self._begin(played.seed), None, 0.0
-        for action in played.actions.tolist():
-            outcome = self.step(action)
-            yield outcome.observation, action, outcome.reward
 
     def to_arrays(self) -> Arrays:
         """Return the random generator, this episode's seed and actions, and the last frame."""
@@ -91,13 +83,15 @@ class Game:
         self._rng = array_to_rng(arrays["rng"])
         if "frame" not in arrays:
             return None
-        for _ in self.again(Played(seed=int(arrays["episode_seed"]), actions=arrays["actions"])):
-            pass
+        self.begin(int(arrays["episode_seed"]))
+        for action in arrays["actions"].tolist():
+            self.step(action)
         if not np.array_equal(self._frame, arrays["frame"]):
             raise SemrlError("the environment did not repeat itself from seed and actions; this run cannot be resumed")
         return self._observation()
 
-    def _begin(self, seed: int) -> Observation:
+    def begin(self, seed: int) -> Observation:
+        """Begin the episode of a seed."""
         self._episode_seed = seed
         self._actions = []
         self._frame, _ = self.env.reset(seed=seed)

@@ -3,7 +3,7 @@
 from semrl.evaluation.explaining import explain
 from semrl.evaluation.explanation import Explanation
 from semrl.evaluation.maps import LoadedMap, load_map
-from semrl.evaluation.player import load_pipeline, load_player
+from semrl.evaluation.player import load_encoder, load_player
 from semrl.evaluation.scores import EvaluationResult, evaluate
 
 __all__ = [
@@ -12,7 +12,7 @@ __all__ = [
     "LoadedMap",
     "evaluate",
     "explain",
+    "load_encoder",
     "load_map",
-    "load_pipeline",
     "load_player",
 ]

@@ -2,24 +2,22 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from semrl.core import Plan
+from semrl.core import Floats, Plan, Sight
 from semrl.core.errors import UsageError
 from semrl.evaluation.explanation import Aftermath, Deed, Explanation, Foresight, Hop, Place, Told
-from semrl.evaluation.player import Player, Policy, Step, load_player
+from semrl.evaluation.player import Player, Policy, load_player
 from semrl.evaluation.rules import unit_of
 from semrl.evaluation.scores import EVALUATION_SEED
-from semrl.evaluation.sight import Sight, look_again
-from semrl.grounding import GoalPart, goal_size
+from semrl.evaluation.sight import look
 from semrl.planning import edge_costs, edges_along, reason
-from semrl.planning.module import Reasoner
+from semrl.planning.module import PlanningModule
+from semrl.training.loop import Step
 from semrl.training.session import limited_threads
 
 SCENARIOS_SHOWN = 5
@@ -62,7 +60,7 @@ def explain(
     if min(episode, step, seed or 0) < 0:
         raise UsageError(f"episode, step and seed must be 0 or more, not {episode}, {step} and {seed}")
     player = load_player(run, at).under(**conditions)
-    player.require_foresight(run)
+    player.require_predictions(run)
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
     with limited_threads(player.config.threads):
         steps = player.episode(episode, seed, policy)
@@ -74,8 +72,8 @@ def _laid_open(
     player: Player, played: "_Played", *, run: str, policy: Policy, seed: int, episode: int, step: int
 ) -> Explanation:
     """Write down what was seen, thought and done at the first of the decisions that were played."""
-    reasoner = player.require_foresight(run)
-    thought = _Thought(player, reasoner, played.steps[0])
+    planning = player.require_predictions(run)
+    explained = _Explained(player, planning, played.steps[0])
     return Explanation(
         run=run,
         model=player.config.model,
@@ -89,18 +87,18 @@ def _laid_open(
         return_so_far=played.steps[0].total,
         frame=played.steps[0].observation.frame,
         sight=played.sight,
-        features=thought.features(),
-        place=thought.place(),
-        path=thought.path(),
-        cutoff=reasoner.config.long_term.cutoff,
-        scenarios=thought.scenarios(),
-        n_scenarios=thought.n_scenarios,
-        n_imagined=reasoner.config.short_term.scenarios or thought.n_scenarios,
-        reason=reason(thought.plan),
-        otherwise=thought.otherwise(),
-        goal=thought.goal(),
-        deed=thought.deed(played.actions[0], policy),
-        aftermath=thought.aftermath(played),
+        features=explained.features(),
+        place=explained.place(),
+        path=explained.path(),
+        cutoff=planning.config.long_term.cutoff,
+        scenarios=explained.scenarios(),
+        n_scenarios=explained.n_scenarios,
+        n_imagined=planning.config.scenarios.scenarios or explained.n_scenarios,
+        reason=reason(explained.plan),
+        otherwise=explained.otherwise(),
+        plan_features=explained.plan_features(),
+        deed=explained.deed(played.actions[0], policy),
+        aftermath=explained.aftermath(played),
     )
 
 
@@ -118,41 +116,43 @@ class _Played:
 
     @property
     def rewards(self) -> list[float]:
-        return [after.total - before.total for before, after in pairwise(self.steps)]
+        return [step.reward for step in self.steps[1:]]
 
 
 def _played(player: Player, steps: Iterable[Step], first: int, what: str) -> _Played:
     """Play up to a decision, and so far beyond it that one knows whether the episode ends there."""
-    reasoner = player.require_foresight(what)
+    planning = player.require_predictions(what)
     kept: list[Step] = []
-    for number, step in enumerate(steps):
-        if number >= first:
+    episode = player.encoder.begin()
+    for step in steps:
+        if step.number <= first:
+            _, sight = look(episode, step.observation)
+        if step.number >= first:
             kept.append(step)
-        if number == first:  # where objects are followed, they stand there now
-            sight = look_again(player.pipeline, step.observation, step.state[0, : reasoner.facts.stop])
-        if len(kept) > reasoner.config.short_term.depth + 1:
+        if len(kept) > planning.planner.depth + 1:
             return _Played(steps=kept[:-1], sight=sight, ended=False)
     if len(kept) < 2:
-        raise UsageError(f"{what} has {number} decisions, from 0 to {number - 1}, so there is no decision {first}")
+        last = step.number
+        raise UsageError(f"{what} has {last} decisions, from 0 to {last - 1}, so there is no decision {first}")
     return _Played(steps=kept, sight=sight, ended=True)
 
 
-class _Thought:
+class _Explained:
     """What agent and planner make of a state, as rows."""
 
-    def __init__(self, player: Player, reasoner: Reasoner, step: Step) -> None:
-        assert step.thought and step.thought.plan, "where there is a map, the models have learned as well"
-        self.player, self.reasoner, self.state = player, reasoner, step.state
-        self.moment, self.plan = step.thought.moment, step.thought.plan
-        self.graph, self.routes = reasoner.state_map.graph_, reasoner.routes
+    def __init__(self, player: Player, planning: PlanningModule, step: Step) -> None:
+        assert step.shown and step.record and step.record.plan, "where predictions can be made there are plans"
+        self.player, self.planning, self.shown = player, planning, step.shown
+        self.history, self.plan = step.record.history, step.record.plan
+        self.graph, self.routes = planning.state_map.graph_, planning.routes
         self.action_names = player.action_names
         self.unit = unit_of(player)
         self.n_scenarios = len(self.plan.scenarios)
 
     def features(self) -> dict[str, float]:
         """Name the numbers of the state, where they have names, in the unit of the rules."""
-        names = self.player.pipeline.names
-        return dict(zip(names, (self.moment.states[0, : len(names)] / self.unit).tolist(), strict=True))
+        names = self.player.encoder.space.names
+        return dict(zip(names, (self.history.states[0, : len(names)] / self.unit).tolist(), strict=True))
 
     def place(self) -> Place:
         """Tell where on the map the state lies."""
@@ -166,7 +166,7 @@ class _Thought:
 
     def path(self) -> tuple[Hop, ...]:
         """Tell the way to the nearest gain, edge by edge."""
-        config, graph = self.reasoner.config.long_term, self.graph
+        config, graph = self.planning.config.long_term, self.graph
         costs = edge_costs(graph, config)
         return tuple(
             Hop(
@@ -190,7 +190,7 @@ class _Thought:
     def otherwise(self) -> tuple[Foresight, ...]:
         """Tell for each other action the best scenario that begins with it."""
         others = (action for action in range(len(self.action_names)) if action != self.plan.actions[0])
-        plans = (self.reasoner.plan(self.moment, first=action) for action in others)
+        plans = (self.planning.plan(self.history, first=action) for action in others)
         return tuple(self._foresight(plan, 0) for plan in plans if plan)
 
     def _foresight(self, plan: Plan, i: int) -> Foresight:
@@ -206,21 +206,21 @@ class _Thought:
             progress=progress if progress >= 0 else None,
         )
 
-    def goal(self) -> tuple[Told, ...]:
-        """Tell the goal, read from what the agent was shown."""
-        told, rest = [], self.state[0, self.reasoner.facts.stop :]
-        for part in self.reasoner.config.goal.parts:
-            numbers, rest = np.split(rest, [self._size(part)])
-            told_in = self.unit if part == "state" else 1.0
-            told.append(
-                Told(part=part, numbers=tuple((numbers / told_in).tolist()), names=self._goal_names(part, numbers))
+    def plan_features(self) -> tuple[Told, ...]:
+        """Tell what the agent was shown of the plan."""
+        return tuple(
+            Told(
+                part=part,
+                numbers=tuple((numbers / (self.unit if part == "state" else 1.0)).tolist()),
+                names=self._part_names(part, numbers),
             )
-        return tuple(told)
+            for part, numbers in self.planning.grounder.parts(self.shown.plan).items()
+        )
 
     def deed(self, taken: int, policy: Policy) -> Deed:
         """Tell what was done, and what agent and planner wanted."""
-        wanted = {"agent": self.player.agent.best_action(self.state), "planner": int(self.plan.actions[0])}
-        values = self.player.agent.action_values(self.state[None])[0].tolist()
+        wanted = {"agent": self.player.agent.best_action(self.shown), "planner": int(self.plan.actions[0])}
+        values = self.player.agent.action_values(self.shown).tolist()
         return Deed(
             action=self.action_names[taken],
             agent=self.action_names[wanted["agent"]],
@@ -232,7 +232,7 @@ class _Thought:
     def aftermath(self, played: _Played) -> Aftermath:
         """Tell what came, and what the models foresee for the actions that were taken."""
         actions = np.array([played.actions])
-        foreseen = self.reasoner.world.imagine(self.moment, actions)
+        foreseen = self.planning.world_model.imagine(self.history, actions)
         return Aftermath(
             actions=self._names(played.actions),
             rewards=tuple(played.rewards),
@@ -240,16 +240,9 @@ class _Thought:
             foreseen=tuple(foreseen.rewards[0].tolist()),
         )
 
-    def _size(self, part: GoalPart) -> int:
-        """Return how many numbers of the goal a part takes."""
-        reasoner = self.reasoner
-        config = replace(reasoner.config.goal, parts=(part,))
-        depth = reasoner.config.short_term.depth
-        return goal_size(config, dimension=reasoner.dimension, depth=depth, n_actions=reasoner.n_actions)
-
-    def _goal_names(self, part: GoalPart, numbers: NDArray[Any]) -> tuple[str, ...]:
+    def _part_names(self, part: str, numbers: Floats) -> tuple[str, ...]:
         if part == "actions":
-            return self._names(numbers.reshape(-1, self.reasoner.n_actions).argmax(axis=1))
+            return self._names(numbers.reshape(-1, self.planning.n_actions).argmax(axis=1))
         return tuple(self.features()) if part == "state" else ()
 
     def _names(self, actions: Iterable[int]) -> tuple[str, ...]:

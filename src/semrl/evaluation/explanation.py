@@ -5,8 +5,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from semrl.core import Frame
-from semrl.evaluation.sight import Sight
+from semrl.core import Frame, Sight
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -203,7 +202,7 @@ class Explanation:
     n_imagined: int
     reason: str
     otherwise: tuple[Foresight, ...]
-    goal: tuple[Told, ...]
+    plan_features: tuple[Told, ...]
     deed: Deed
     aftermath: Aftermath
 

@@ -1,18 +1,24 @@
 """The gallery of a run: arrays that hold all a report shows of its perception."""
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from semrl.core import Image, Ints, Observation
+from semrl.core import Frame, Image, Sight, State
 from semrl.core.arrays import Arrays, json_to_array, nest, ragged_to_arrays
 from semrl.core.files import write_arrays
 from semrl.envs import Game
 from semrl.evaluation.player import load_player
-from semrl.evaluation.sight import CLASS_COLOURS, Sight, look
+from semrl.evaluation.sight import CLASS_COLOURS, look
+from semrl.perception.detection import OtsuDetector
 from semrl.perception.detection.grey import to_grey
-from semrl.perception.pipeline import Pipeline
+from semrl.perception.encoders import Encoder
+from semrl.perception.perception import Perception
+from semrl.perception.reduction import ObjectPCA
+from semrl.training.loop import Frames, play
 from semrl.training.session import limited_threads
 
 GALLERY_DECISIONS = 1000
@@ -22,9 +28,9 @@ GALLERY_SAMPLES = 4
 def save_gallery(run: Path, seed: int) -> Path:
     """Play at random with a run's perception and write ``gallery.npz``: all that a report shows of it.
 
-    The file holds ``frames (s, h, w, 3)``, ``greys (s, 84, 84)`` and, where the model has them, ``seen
+    The file holds ``frames (s, h, w, 3)``, ``greys (s, 84, 84)`` and, where the model has them, ``shown
     (s, 84, 84)`` or ``vectors (s, d)``; ``boxes``, ``classes`` and ``edges`` of these frames as ragged
-    arrays; ``threshold`` in grey levels; ``explained_variance_ratio``; ``n_leaves``, ``class_numbers
+    arrays; ``threshold`` in grey levels; ``explained_variance_ratio``; ``n_clusters``, ``class_numbers
     (k,)``, ``centres (k, 8, 8)`` and ``class_counts (k,)``, how many objects of each class were seen;
     ``palette (c, 3)``, the RGB that class i is drawn in (modulo c); and ``meta``.
 
@@ -37,56 +43,67 @@ def save_gallery(run: Path, seed: int) -> Path:
     """
     player = load_player(run)
     rng = np.random.default_rng(seed)
-    counts = np.zeros(player.config.pipeline.birch.max_classes, np.int64)
-    samples: list[tuple[Observation, Sight]] = []
+    counts: Counter[int] = Counter()
+    samples: list[_Sample] = []
     best = -1.0
     with limited_threads(player.config.threads):
-        for i, observation in enumerate(_wander(player.new_game(seed), player.pipeline, rng)):
-            sight = look(player.pipeline, observation)
-            counts += np.bincount(sight.classes, minlength=len(counts))
+        for i, sample in enumerate(_wander(player.new_game(seed), player.encoder, rng)):
+            sight = sample.sight
+            counts.update(sight.classes.tolist())
             richness = len(np.unique(sight.classes)) + len(sight.boxes_px) / 1000
             if i % (GALLERY_DECISIONS // GALLERY_SAMPLES) == 0:  # of each stretch the richest frame is kept
-                samples.append((observation, sight))
+                samples.append(sample)
                 best = richness
             elif richness > best:
-                samples[-1], best = (observation, sight), richness
+                samples[-1], best = sample, richness
     meta = {
-        "view": player.pipeline.view,
-        "names": player.pipeline.names,
+        "encoder": player.config.encoder_name,
+        "names": player.encoder.space.names,
         "seed": seed,
         "decisions": player.decisions,
         "played": GALLERY_DECISIONS,
     }
+    learned = _learned(player.encoder.perception, counts) if player.encoder.perception else {}
     path = Path(run) / "gallery.npz"
-    write_arrays(path, {"meta": json_to_array(meta), **_sampled(samples), **_learned(player.pipeline, counts)})
+    write_arrays(path, {"meta": json_to_array(meta), **_sampled(samples), **learned})
     return path
 
 
-def _wander(game: Game, pipeline: Pipeline, rng: np.random.Generator) -> Iterator[Observation]:
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Sample:
+    """A frame, what an agent is shown of it (None where that is not learned), and what is seen in it."""
+
+    frame: Frame
+    state: State | None
+    sight: Sight
+
+
+def _wander(game: Game, encoder: Encoder, rng: np.random.Generator) -> Iterator[_Sample]:
     """Act at random and yield what is seen, over as many episodes as it takes."""
-    observation = None
-    for _ in range(GALLERY_DECISIONS):
-        if observation is None:
-            pipeline.begin_episode()
-            observation = game.reset()
-        yield observation
-        outcome = game.step(int(rng.integers(game.n_actions)))
-        observation = None if outcome.done else outcome.observation
+    seen = 0
+    while True:
+        episode = encoder.begin()
+        for step in play(game, Frames(), lambda _: int(rng.integers(game.n_actions))):
+            state, sight = look(episode, step.observation)
+            yield _Sample(frame=step.observation.frame, state=state, sight=sight)
+            seen += 1
+            if seen == GALLERY_DECISIONS:
+                return
 
 
-def _sampled(samples: Sequence[tuple[Observation, Sight]]) -> Arrays:
+def _sampled(samples: Sequence[_Sample]) -> Arrays:
     """Write the sample frames and what is seen in them as arrays."""
-    frames = [observation.frame for observation, _ in samples]
-    sights = [sight for _, sight in samples]
-    greys: list[Image] = [to_grey(frame) for frame in frames]
+    greys: list[Image] = [to_grey(sample.frame) for sample in samples]
+    sights = [sample.sight for sample in samples]
     arrays: Arrays = {
-        "frames": np.stack(frames),
+        "frames": np.stack([sample.frame for sample in samples]),
         "greys": np.stack(greys),
         "palette": np.array(CLASS_COLOURS, np.uint8),
     }
-    seen = [sight.seen for sight in sights if sight.seen is not None]
-    if len(seen) == len(samples):
-        arrays["seen" if seen[0].ndim == 2 else "vectors"] = np.stack(seen)
+    shown = [sample.state for sample in samples if sample.state is not None]
+    if len(shown) == len(samples):
+        image = shown[0].vector.ndim == 2
+        arrays["shown" if image else "vectors"] = np.stack([s.vector if image else s.facts for s in shown])
     return arrays | nest(
         boxes=ragged_to_arrays([s.boxes_px for s in sights], like=np.empty((0, 4), np.int64)),
         classes=ragged_to_arrays([s.classes for s in sights], like=np.empty(0, np.int64)),
@@ -94,19 +111,18 @@ def _sampled(samples: Sequence[tuple[Observation, Sight]]) -> Arrays:
     )
 
 
-def _learned(pipeline: Pipeline, counts: Ints) -> Arrays:
+def _learned(perception: Perception, counts: Mapping[int, int]) -> Arrays:
     """Write what the stages of perception have learned, as far as they came."""
     arrays: Arrays = {}
-    if pipeline.view in ("grey", "ram"):
-        return arrays
-    if pipeline.detector.is_fitted:
-        arrays["threshold"] = np.array(pipeline.detector.threshold_)
-    if pipeline.pca.is_fitted:
-        arrays["explained_variance_ratio"] = pipeline.pca.explained_variance_ratio_
-    if pipeline.birch.n_leaves_:
-        numbers = pipeline.birch.classes_
-        size = pipeline.crop_size_px
-        centres = pipeline.pca.inverse_transform(pipeline.birch.centres_).reshape(-1, size, size)
-        arrays |= {"class_numbers": numbers, "centres": centres, "class_counts": counts[numbers]}
-        arrays["n_leaves"] = np.array(pipeline.birch.n_leaves_)
+    detector, reducer, clusterer = perception.detector, perception.reducer, perception.clusterer
+    if isinstance(detector, OtsuDetector) and detector.is_fitted:
+        arrays["threshold"] = np.array(detector.threshold_)
+    if isinstance(reducer, ObjectPCA) and reducer.is_fitted:
+        arrays["explained_variance_ratio"] = reducer.explained_variance_ratio_
+    if clusterer.is_fitted:
+        size = detector.crop_size_px
+        arrays["class_numbers"] = clusterer.classes_
+        arrays["centres"] = reducer.inverse_transform(clusterer.centres_).reshape(-1, size, size)
+        arrays["class_counts"] = np.array([counts[number] for number in clusterer.classes_.tolist()])
+        arrays["n_clusters"] = np.array(clusterer.n_clusters_)
     return arrays

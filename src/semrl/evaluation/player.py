@@ -6,44 +6,19 @@ from pathlib import Path
 from typing import Any, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from semrl.agents import DQN
-from semrl.core import Observation
-from semrl.core.arrays import unnest
+from semrl.agents import Agent
 from semrl.core.errors import SemrlError, UsageError
 from semrl.envs import Game, make_env, played_actions
-from semrl.perception.pipeline import Pipeline
-from semrl.planning.module import MAP_MODELS, Reasoner, Thought
-from semrl.training.config import RunConfig
-from semrl.training.folder import PLAYABLE, RunFolder
+from semrl.perception.encoders import Encoder
+from semrl.planning.module import PlanningModule
+from semrl.training.config import MODELS, RunConfig
+from semrl.training.folder import RunFolder
+from semrl.training.loop import EpisodeView, Step, play
 from semrl.training.session import build_trainer
 
 Policy = Literal["agent", "planner"]
 """Who decides: the agent, or the planner's best scenario alone (§4.3)."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Step:
-    """What is seen after a decision, and the return so far.
-
-    Attributes
-    ----------
-    observation, total
-        As it says.
-    state
-        ``(2, *shape)``, what the agent sees now and saw before.
-    action
-        The one that led here; None at the beginning.
-    thought
-        Where the planner stands and what it proposes; None where there is no planner.
-    """
-
-    observation: Observation
-    total: float
-    state: NDArray[Any]
-    action: int | None
-    thought: Thought | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,9 +26,9 @@ class Player:
     """A trained agent with the perception it was trained with."""
 
     config: RunConfig
-    pipeline: Pipeline
-    agent: DQN
-    reasoner: Reasoner | None
+    encoder: Encoder
+    agent: Agent
+    planning: PlanningModule | None
     decisions: int
     perceiving: bool
     """Whether perception was still being learned at this checkpoint."""
@@ -81,70 +56,56 @@ class Player:
         return self.play(self.new_game(int(rng.integers(2**31))), rng, policy)
 
     def play(self, game: Game, rng: np.random.Generator, policy: Policy = "agent") -> Iterator[Step]:
-        """Play one episode and yield every decision of it, beginning with the first observation."""
-        observation = game.reset()
-        self.pipeline.begin_episode()
-        if self.reasoner:
-            self.reasoner.begin_episode()
-        seen, thought = self.see(observation)
-        state = np.stack([seen, seen])
-        yield Step(observation=observation, total=0.0, state=state, action=None, thought=thought)
-        total, done = 0.0, False
-        while not done:
+        """Play one episode and yield every step of it, beginning with the first observation."""
+
+        def choose(step: Step) -> int:
             explore = rng.random() < self.config.evaluation.exploration
-            action = int(rng.integers(game.n_actions)) if explore else self.choose(state, policy)
-            outcome = game.step(action)
-            if self.reasoner:
-                self.reasoner.observe(state[0], action, outcome.reward)
-            seen, thought = self.see(outcome.observation)
-            state = np.stack([seen, state[0]])
-            total += outcome.reward
-            done = outcome.done
-            yield Step(observation=outcome.observation, total=total, state=state, action=action, thought=thought)
+            return int(rng.integers(game.n_actions)) if explore else self.choose(step, policy)
 
-    def see(self, observation: Observation) -> tuple[NDArray[Any], Thought | None]:
-        """Return what the agent is shown, the state and, where there is a map, the goal; and the plan behind it."""
-        encoded = self.pipeline.encode(observation)
-        return self.reasoner.think(encoded) if self.reasoner else (encoded, None)
+        return play(game, self.view(), choose)
 
-    def choose(self, state: NDArray[Any], policy: Policy) -> int:
+    def view(self) -> EpisodeView:
+        """Begin an episode that is seen and planned in, without learning."""
+        return EpisodeView(self.encoder, self.planning)
+
+    def choose(self, step: Step, policy: Policy) -> int:
         """Return the action that the agent or the planner would take."""
+        assert step.shown is not None
         if policy == "agent":
-            return self.agent.best_action(state)
-        assert self.reasoner is not None, "only models with a map are asked for plans"
-        return self.reasoner.proposed_action or 0
+            return self.agent.best_action(step.shown)
+        assert self.planning is not None, "only models with a map are asked for plans"
+        return self.planning.proposed_action or 0
 
-    def require_map(self, run: str | Path) -> Reasoner:
-        """Return the reasoner.
+    def require_map(self, run: str | Path) -> PlanningModule:
+        """Return the planning module.
 
         Raises
         ------
         UsageError
             When the model has no map, or the first episode is not over yet; the message names the run.
         """
-        if self.reasoner is None:
-            models = " or ".join(f"--model {model}" for model in MAP_MODELS)
+        if self.planning is None:
+            models = " or ".join(f"--model {name}" for name, model in MODELS.items() if model.plans)
             raise UsageError(f"{run} is of model '{self.config.model}', which has no map; train one with {models}")
-        if not len(self.reasoner.state_map.graph_):
+        if not len(self.planning.state_map.graph_):
             raise UsageError(f"the map of {run} is still empty: it is drawn after the agent's first episode")
-        return self.reasoner
+        return self.planning
 
-    def require_foresight(self, run: str | Path) -> Reasoner:
-        """Return the reasoner.
+    def require_predictions(self, run: str | Path) -> PlanningModule:
+        """Return the planning module.
 
         Raises
         ------
         UsageError
-            When there is no map, or its models of the world have not learned enough to foresee; the message names the
-            run.
+            When there is no map, or its world model has not learned enough to predict; the message names the run.
         """
-        reasoner = self.require_map(run)
-        if not reasoner.world.is_fitted:
-            raise UsageError(f"{run} cannot foresee anything yet, so there are no plans: it needs more decisions")
-        return reasoner
+        planning = self.require_map(run)
+        if not planning.world_model.is_fitted:
+            raise UsageError(f"{run} cannot predict anything yet, so there are no plans: it needs more decisions")
+        return planning
 
 
-def load_pipeline(run: str | Path) -> Pipeline:
+def load_encoder(run: str | Path) -> Encoder:
     """Return the trained perception of a run.
 
     Raises
@@ -152,34 +113,29 @@ def load_pipeline(run: str | Path) -> Pipeline:
     UsageError
         When there is no run, or it has not learned anything yet.
     """
-    return load_player(run).pipeline
+    return load_player(run).encoder
 
 
 def load_player(run: str | Path, at: int | None = None, *, memory: bool = False) -> Player:
     """Return the agent and the perception of a run, as of its newest checkpoint or of a milestone.
 
-    With `memory` its map and models can go on learning: what they remember is loaded as well.
+    With `memory` its map and world model can go on learning: what they remember is loaded as well.
     """
     folder = RunFolder.open(Path(run))
     config = folder.config()
-    checkpoint = folder.load(prefixes=(*PLAYABLE, *(("reasoner/",) if memory else ())), at=at)
+    checkpoint = folder.load(at, play_only=True, memory=memory)
     if checkpoint is None:
         raise UsageError(f"{run} has no checkpoint yet; go on with: semrl train --run {run} --resume")
-    trainer = build_trainer(replace(config, agent=replace(config.agent, replay_capacity=config.agent.n_steps + 1)))
+    trainer = build_trainer(replace(config, dqn=replace(config.dqn, replay_capacity=config.dqn.n_steps + 1)))
     try:
-        trainer.pipeline.from_arrays(unnest(checkpoint.arrays, "pipeline"))
-        trainer.agent.load_network(unnest(checkpoint.arrays, "agent/network"))
-        if trainer.reasoner:
-            learned = unnest(checkpoint.arrays, "reasoner")
-            (trainer.reasoner.from_arrays if memory else trainer.reasoner.load)(learned)
+        trainer.load_inference(checkpoint.arrays)
     except (KeyError, ValueError, TypeError, RuntimeError) as error:
         raise SemrlError(f"the checkpoint of {run} does not fit its configuration ({error})") from error
-    position = checkpoint.arrays.get("schooling/position")
     return Player(
         config=config,
-        pipeline=trainer.pipeline,
+        encoder=trainer.encoder,
         agent=trainer.agent,
-        reasoner=trainer.reasoner,
+        planning=trainer.planning,
         decisions=int(checkpoint.arrays["decisions"]),
-        perceiving=position is not None and int(position) < len(trainer.schooling.stages),
+        perceiving=bool(checkpoint.arrays["perceiving"]),
     )

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from semrl.core import Floats
 from semrl.core.errors import UsageError
 from semrl.core.files import write_text
-from semrl.evaluation.player import Policy, Step, load_player
+from semrl.evaluation.player import Policy, load_player
 from semrl.evaluation.scores import EVALUATION_SEED, PROBING
-from semrl.perception.pipeline import Pipeline
+from semrl.perception.encoders.tracked_scene import TrackedSceneEncoder
+from semrl.training.loop import Step
 from semrl.training.session import limited_threads
 from semrl.world_model.protocol import WorldModel
 
@@ -92,14 +93,14 @@ def foresight(
     if decisions < 1 or (seed is not None and seed < 0):
         raise UsageError(f"decisions must be 1 or more and seed 0 or more, not {decisions} and {seed}")
     player = load_player(run, at).under(exploration=PROBING)
-    world = player.require_foresight(run).world
+    world = player.require_predictions(run).world_model
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
     facts: Spans = {horizon: [] for horizon in HORIZONS}
     confusion = np.zeros((3, 3), np.int64)
     with limited_threads(player.config.threads):
         for steps in _episodes(partial(player.episode, seed=seed, policy=policy), decisions, on_step):
             _compare(world, steps, facts, confusion)
-        vectors = _embedded(player.pipeline, facts) if player.pipeline.facts.start else {}
+        vectors: Spans = _embedded(player.encoder, facts) if isinstance(player.encoder, TrackedSceneEncoder) else {}
     conditions = {"learned_from": player.decisions, "seed": seed, "policy": policy, "exploration": PROBING}
     quality = Quality(
         decisions=int(confusion.sum()),
@@ -135,9 +136,9 @@ def _episodes(
 
 def _compare(world: WorldModel, steps: Sequence[Step], spans: Spans, confusion: NDArray[np.int64]) -> None:
     """Foresee every decision of an episode, and what is some decisions ahead of it."""
-    moments = [step.thought.moment for step in steps if step.thought]
+    moments = [step.record.history for step in steps if step.record]
     actions = np.array([step.action for step in steps[1:]])
-    rewards = np.sign(np.diff([step.total for step in steps])).astype(int)
+    rewards = np.sign([step.reward for step in steps[1:]]).astype(int)
     longest = max(HORIZONS)
     for t, moment in enumerate(moments[:-1]):
         told = world.imagine(moment, actions[None, t : t + longest])
@@ -147,10 +148,10 @@ def _compare(world: WorldModel, steps: Sequence[Step], spans: Spans, confusion: 
                 spans[horizon].append((told.states[0, horizon - 1], moments[t + horizon].states[0]))
 
 
-def _embedded(pipeline: Pipeline, facts: Spans) -> Spans:
+def _embedded(encoder: TrackedSceneEncoder, facts: Spans) -> Spans:
     """Return the vectors of the scenes that were foreseen and that came."""
     return {
-        horizon: [(pipeline.embed(foreseen), pipeline.embed(came)) for foreseen, came in pairs]
+        horizon: [(encoder.embed(foreseen), encoder.embed(came)) for foreseen, came in pairs]
         for horizon, pairs in facts.items()
     }
 

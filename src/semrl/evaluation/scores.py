@@ -11,7 +11,8 @@ import numpy as np
 
 from semrl.core.errors import UsageError
 from semrl.core.files import write_text
-from semrl.evaluation.player import Policy, Step, load_player
+from semrl.evaluation.player import Policy, load_player
+from semrl.training.loop import Step
 from semrl.training.session import limited_threads
 
 EVALUATION_SEED = 1_000_000
@@ -90,7 +91,7 @@ def evaluate(
             f"{run} has not learned to see yet, so there is no agent to play with: it needs more decisions"
         )
     if policy == "planner":
-        player.require_foresight(run)
+        player.require_predictions(run)
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
     games: list[_Game] = []
     with limited_threads(player.config.threads):
@@ -113,14 +114,12 @@ class _Game:
 
 def _game(steps: Iterator[Step], on_step: Callable[[Step], None]) -> _Game:
     """Play an episode to its end."""
-    decisions, total, rewards = -1, 0.0, []  # the first step is the beginning
+    rewards = []
     for step in steps:
-        decisions += 1
-        if step.total != total:
-            rewards.append((decisions - 1, step.total - total))
-            total = step.total
+        if step.reward:
+            rewards.append((step.number - 1, step.reward))
         on_step(step)
-    return _Game(total=total, decisions=decisions, rewards=rewards)
+    return _Game(total=step.total, decisions=step.number, rewards=rewards)
 
 
 def result_path(

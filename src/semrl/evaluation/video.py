@@ -10,12 +10,13 @@ import cv2
 import imageio.v3 as iio
 import numpy as np
 
-from semrl.core import IMAGE_SIZE_PX, Frame, Ints
+from semrl.core import IMAGE_SIZE_PX, Frame, Ints, Sight, StateSpace
 from semrl.core.errors import SemrlError, UsageError
 from semrl.core.files import temporary_name
-from semrl.evaluation.player import Step, load_player
-from semrl.evaluation.sight import CLASS_COLOURS, Sight, look
-from semrl.perception.pipeline import Pipeline
+from semrl.evaluation.player import load_player
+from semrl.evaluation.sight import CLASS_COLOURS, look
+from semrl.perception.encoders import Encoder
+from semrl.training.loop import Step
 
 VIDEO_RATE = 30
 """Decisions a second in videos: twice the speed of a game of 60 frames a second and frame skip 4."""
@@ -50,7 +51,7 @@ def recorder(run: Path, video: Path | None) -> Iterator[Callable[[int, Step], No
         return
     temporary = _writable(video)
     try:
-        film = _Film(temporary, load_player(run).pipeline)
+        film = _Film(temporary, load_player(run).encoder)
         with contextlib.closing(film):
             yield film.on_step
         if film.n_frames:
@@ -78,18 +79,17 @@ def _writable(video: Path) -> Path:
 class _Film:
     """A video that grows frame by frame."""
 
-    def __init__(self, path: Path, pipeline: Pipeline) -> None:
+    def __init__(self, path: Path, encoder: Encoder) -> None:
         self.path = path
-        self.pipeline = pipeline
+        self.encoder = encoder
+        self.episode = encoder.begin()
         self.n_frames = 0
         self._file: Any = None
 
     def on_step(self, episode: int, step: Step) -> None:
         if episode > 0 or self.n_frames >= MAX_VIDEO_FRAMES:
             return
-        if step.action is None:
-            self.pipeline.begin_episode()
-        picture = compose(self.pipeline, step, self.n_frames)
+        picture = compose(self.encoder.space, step, look(self.episode, step.observation)[1])
         if self._file is None:
             self._file = iio.imopen(self.path, "w", plugin="pyav", extension=".mp4", container="mp4")
             self._file.init_video_stream(_codec(), fps=VIDEO_RATE)
@@ -109,19 +109,18 @@ def _codec() -> str:
     raise SemrlError(f"this build of FFmpeg has none of {', '.join(_CODECS)}; install another 'av' wheel")
 
 
-def compose(pipeline: Pipeline, step: Step, decision: int) -> Frame:
-    """Put a frame with marked objects beside what the agent sees of it; ``(h, w, 3)`` uint8, h and w even."""
-    sight = look(pipeline, step.observation)
+def compose(space: StateSpace, step: Step, sight: Sight) -> Frame:
+    """Put a frame with marked objects beside what the agent is shown of it; ``(h, w, 3)`` uint8, h and w even."""
     left = _mark(step.observation.frame, sight)
     side = IMAGE_SIZE_PX * max(1, round(0.8 * left.shape[0] / IMAGE_SIZE_PX))
-    right = _seen(pipeline, sight, side)
+    right = _shown(space, step, sight, side)
     height = max(left.shape[0], side) + _LINE_PX
     canvas = np.full((height + height % 2, left.shape[1] + _GAP_PX + side, 3), _DARK, np.uint8)
     canvas = canvas[:, : canvas.shape[1] // 2 * 2]
     canvas[: left.shape[0], : left.shape[1]] = left
     top = (height - _LINE_PX - side) // 2
     canvas[top : top + side, left.shape[1] + _GAP_PX :] = right[:, : canvas.shape[1] - left.shape[1] - _GAP_PX]
-    _write(canvas, f"return {step.total:g}   decision {decision}", (8, height - 10))
+    _write(canvas, f"return {step.total:g}   decision {step.number}", (8, height - 10))
     return canvas
 
 
@@ -138,10 +137,10 @@ def _mark(frame: Frame, sight: Sight) -> Frame:
     return large
 
 
-def _seen(pipeline: Pipeline, sight: Sight, side: int) -> Frame:
-    """Draw what the agent is shown: an image, the scene behind a vector, or the numbers themselves."""
-    if sight.seen is not None and sight.seen.ndim == 2:
-        grey = cv2.resize(sight.seen, (side, side), interpolation=cv2.INTER_NEAREST)
+def _shown(space: StateSpace, step: Step, sight: Sight, side: int) -> Frame:
+    """Draw what the agent is shown: an image, the scene behind a vector, or, without one, the facts themselves."""
+    if step.state is not None and step.state.vector.ndim == 2:
+        grey = cv2.resize(step.state.vector, (side, side), interpolation=cv2.INTER_NEAREST)
         return np.repeat(grey[:, :, None], 3, axis=2)
     palette = np.array([(0, 0, 0), *CLASS_COLOURS], np.uint8)
     numbers = np.where(sight.labels > 0, (sight.labels - 1) % len(CLASS_COLOURS) + 1, 0)
@@ -150,8 +149,8 @@ def _seen(pipeline: Pipeline, sight: Sight, side: int) -> Frame:
     points = np.rint(centres).astype(int).tolist()
     for first, second in sight.edges.tolist():
         cv2.line(panel, points[first], points[second], _LIGHT, 1, cv2.LINE_AA)
-    if pipeline.view == "ram" and sight.seen is not None:
-        for i, (name, value) in enumerate(zip(pipeline.names, sight.seen, strict=True)):
+    if step.state is not None and space.names and not len(sight.boxes_px):
+        for i, (name, value) in enumerate(zip(space.names, step.state.facts, strict=False)):
             _write(panel, f"{name}  {value:.3f}", (16, 40 + 32 * i))
     return panel
 

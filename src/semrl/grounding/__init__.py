@@ -1,5 +1,9 @@
-"""Grounding (§3.4.4): what the agent is told of the plan."""
+"""Grounding (§3.4.4): what the agent is shown of the plan."""
 
-from semrl.grounding.goal import GoalConfig, GoalPart, goal_size, ground
+from semrl.core.registry import Registry
+from semrl.grounding.plan_features import PlanFeature, PlanFeatures, PlanFeaturesConfig
+from semrl.grounding.protocol import Grounder
 
-__all__ = ["GoalConfig", "GoalPart", "goal_size", "ground"]
+GROUNDERS: Registry[Grounder] = Registry("grounders", {"plan_features": "semrl.grounding:PlanFeatures"})
+
+__all__ = ["GROUNDERS", "Grounder", "PlanFeature", "PlanFeatures", "PlanFeaturesConfig"]

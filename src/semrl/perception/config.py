@@ -1,60 +1,74 @@
-"""What the boxes between frame and state are told, and how far up each model looks."""
+"""What the boxes between frame and state are told, and which boxes there are."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any
 
+from semrl.core.registry import Registry
 from semrl.perception.clustering import BirchConfig
+from semrl.perception.clustering.protocol import Clusterer
 from semrl.perception.detection import DetectionConfig, ForegroundConfig
+from semrl.perception.detection.protocol import Detector
 from semrl.perception.embedding import (
     Doc2VecConfig,
-    Doc2VecEmbedding,
-    FractionalEmbedding,
     FractionalEmbeddingConfig,
-    HashedEmbedding,
     HashedEmbeddingConfig,
-    OnlineEmbedding,
     OnlineEmbeddingConfig,
     SceneGraphConfig,
-    SlotsEmbedding,
     SlotsEmbeddingConfig,
 )
 from semrl.perception.embedding.protocol import Embedder
 from semrl.perception.reduction import PCAConfig
+from semrl.perception.reduction.protocol import Reducer
 from semrl.perception.tracking import RolesConfig, TrackingConfig
 
-View = Literal["grey", "components", "classes", "embedding", "objects", "ram"]
-"""What is shown to the agent: how far up a frame is elevated."""
-
-MODELS: dict[str, View] = {
-    "baseline": "grey",
-    "otsu": "components",
-    "birch": "classes",
-    "semantic": "embedding",
-    "semantic-map": "embedding",
-    "objects": "objects",
-    "objects-map": "objects",
-    "ram": "ram",
-    "ram-map": "ram",
-}
-"""The models of Table 4.1, and `objects`, and what their agents see; those with a map are told its plans as well."""
+DETECTORS: Registry[Detector] = Registry(
+    "detectors",
+    {
+        "otsu": "semrl.perception.detection:OtsuDetector",
+        "foreground": "semrl.perception.detection:ForegroundDetector",
+    },
+)
+REDUCERS: Registry[Reducer] = Registry("reducers", {"pca": "semrl.perception.reduction:ObjectPCA"})
+CLUSTERERS: Registry[Clusterer] = Registry("clusterers", {"birch": "semrl.perception.clustering:Birch"})
+EMBEDDERS: Registry[Embedder] = Registry(
+    "embedders",
+    {
+        "doc2vec": "semrl.perception.embedding:Doc2VecEmbedding",
+        "hashed": "semrl.perception.embedding:HashedEmbedding",
+        "fractional": "semrl.perception.embedding:FractionalEmbedding",
+        "online": "semrl.perception.embedding:OnlineEmbedding",
+        "slots": "semrl.perception.embedding:SlotsEmbedding",
+    },
+)
 
 
 @dataclass(frozen=True, kw_only=True)
-class PipelineConfig:
-    """Parameters of every box between frame and state."""
+class PerceptionConfig:
+    """Which boxes stand between frame and state, and the parameters of each, under its name."""
 
-    detection: DetectionConfig = field(default_factory=DetectionConfig)
-    """What counts as an object."""
+    detector: str = "auto"
+    """How objects are found: otsu or foreground; auto: otsu in single frames, foreground where objects are tracked."""
+    reducer: str = "pca"
+    """How objects are described by fewer numbers."""
+    clusterer: str = "birch"
+    """How objects are grouped into classes."""
+    embedder: str = "doc2vec"
+    """How a scene becomes a vector: the thesis's way (needs the extra 'thesis'), hashed words, places as phases
+    (fractional), those and words learned as they come (online), or a plain list of objects (slots)."""
+    otsu: DetectionConfig = field(default_factory=DetectionConfig)
+    """What counts as an object in the small grey image."""
+    foreground: ForegroundConfig = field(default_factory=ForegroundConfig)
+    """What counts as an object at full resolution."""
     pca: PCAConfig = field(default_factory=PCAConfig)
     """How objects are reduced."""
     birch: BirchConfig = field(default_factory=BirchConfig)
-    """When objects are of one kind."""
+    """When objects are of one class."""
+    tracking: TrackingConfig = field(default_factory=TrackingConfig)
+    """Which object is which from decision to decision."""
+    roles: RolesConfig = field(default_factory=RolesConfig)
+    """Which of the tracked objects have a place in the state."""
     scene: SceneGraphConfig = field(default_factory=SceneGraphConfig)
     """Which objects a scene has, and which of them are joined."""
-    embedding: Literal["doc2vec", "hashed", "fractional", "online", "slots"] = "doc2vec"
-    """How a scene becomes a vector: the thesis's way (needs the extra 'thesis'), hashed words, places as phases,
-    those and words learned as they come, or a plain list of objects."""
     doc2vec: Doc2VecConfig = field(default_factory=Doc2VecConfig)
     """Parameters of the thesis's embedding."""
     hashed: HashedEmbeddingConfig = field(default_factory=HashedEmbeddingConfig)
@@ -65,21 +79,18 @@ class PipelineConfig:
     """Parameters of the online embedding."""
     slots: SlotsEmbeddingConfig = field(default_factory=SlotsEmbeddingConfig)
     """Parameters of the plain list."""
-    foreground: ForegroundConfig = field(default_factory=ForegroundConfig)
-    """What counts as an object where objects are tracked."""
-    tracking: TrackingConfig = field(default_factory=TrackingConfig)
-    """Which object is which from decision to decision."""
-    roles: RolesConfig = field(default_factory=RolesConfig)
-    """Which of them are told of."""
+    options: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """Parameters of boxes that other packages add: name of the box → parameter → value."""
+
+    def __post_init__(self) -> None:
+        if self.detector != "auto":
+            DETECTORS.check(self.detector)
+        REDUCERS.check(self.reducer)
+        CLUSTERERS.check(self.clusterer)
+        EMBEDDERS.check(self.embedder)
 
 
-def make_embedder(config: PipelineConfig) -> Embedder:
-    """Make the embedding that the configuration names."""
-    makers: dict[str, Callable[[], Embedder]] = {
-        "doc2vec": lambda: Doc2VecEmbedding(config.doc2vec),
-        "hashed": lambda: HashedEmbedding(config.hashed),
-        "fractional": lambda: FractionalEmbedding(config.fractional),
-        "online": lambda: OnlineEmbedding(config.online),
-        "slots": lambda: SlotsEmbedding(config.slots),
-    }
-    return makers[config.embedding]()
+def make_detector(config: PerceptionConfig, *, tracked: bool) -> Detector:
+    """Make the detector that the configuration names."""
+    name = config.detector if config.detector != "auto" else "foreground" if tracked else "otsu"
+    return DETECTORS.make(name, config)

@@ -6,20 +6,44 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import msgspec
 import tomli_w
 
-from semrl.agents import DQNConfig
+from semrl.agents import AGENTS, DQNConfig
+from semrl.agents.devices import Device
 from semrl.core.errors import UsageError
 from semrl.envs import EnvironmentConfig
-from semrl.perception.config import MODELS, PipelineConfig
+from semrl.perception.config import PerceptionConfig
+from semrl.perception.encoders import ENCODERS
 from semrl.perception.pretraining.stability import StabilityConfig
-from semrl.planning.module import ReasoningConfig
+from semrl.planning.module import PlanningConfig
 
-Model = Literal["baseline", "otsu", "birch", "semantic", "semantic-map", "ram", "ram-map", "objects", "objects-map"]
 PRESETS = ("semrl", "thesis")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Model:
+    """An agent of Table 4.1, or one like them: what it is shown, and whether it plans."""
+
+    encoder: str
+    plans: bool = False
+
+
+MODELS = {
+    "baseline": Model(encoder="grey"),
+    "otsu": Model(encoder="components"),
+    "birch": Model(encoder="classes"),
+    "semantic": Model(encoder="scene"),
+    "semantic-map": Model(encoder="scene", plans=True),
+    "objects": Model(encoder="objects"),
+    "objects-map": Model(encoder="objects", plans=True),
+    "ram": Model(encoder="ram"),
+    "ram-map": Model(encoder="ram", plans=True),
+}
+"""The models of Table 4.1, and two on tracked objects."""
+
 MAX_THREADS = 1024
 
 
@@ -51,8 +75,15 @@ class EvaluationConfig:
 class RunConfig:
     """Everything that decides the result of a run; the defaults are the thesis's."""
 
-    model: Model = "semantic"
-    """What the agent sees: one of the models of the thesis's Table 4.1, or what is tracked (objects, objects-map)."""
+    model: str = "semantic"
+    """Which agent of the thesis's Table 4.1, or objects, objects-map, which see what is tracked: an encoder, and a
+    planner for those with a map."""
+    encoder: str = "auto"
+    """What the agent is shown, when it is not what the model's name says (auto): another registered encoder."""
+    agent: str = "dqn"
+    """Which agent learns."""
+    device: Device = "auto"
+    """Where its networks compute: auto takes a GPU where there is one."""
     env: str = "PongNoFrameskip-v4"
     """Gymnasium environment whose observations are RGB frames."""
     decisions: int = 2_000_000
@@ -65,20 +96,27 @@ class RunConfig:
     """Seconds between two checkpoints; does not change the result."""
     environment: EnvironmentConfig = field(default_factory=EnvironmentConfig)
     """How the game is played."""
-    pipeline: PipelineConfig = field(default_factory=PipelineConfig)
+    perception: PerceptionConfig = field(default_factory=PerceptionConfig)
     """How frames become states."""
     stability: StabilityConfig = field(default_factory=StabilityConfig)
     """When perception has learned enough."""
-    agent: DQNConfig = field(default_factory=DQNConfig)
-    """How the agent learns."""
-    reasoning: ReasoningConfig = field(default_factory=ReasoningConfig)
+    dqn: DQNConfig = field(default_factory=DQNConfig)
+    """How deep Q-learning learns."""
+    planning: PlanningConfig = field(default_factory=PlanningConfig)
     """How models with a map plan."""
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
     """How the agent is tested."""
     milestones: tuple[int, ...] = ()
     """Decisions after which the agent, as it is then, is kept for `semrl eval --at`; does not change the result."""
+    options: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """Parameters of agents that other packages add: name of the agent → parameter → value."""
 
     def __post_init__(self) -> None:
+        if self.model not in MODELS:
+            raise UsageError(f"unknown model '{self.model}'; there are {', '.join(MODELS)}")
+        if self.encoder != "auto":
+            ENCODERS.check(self.encoder)
+        AGENTS.check(self.agent)
         if self.decisions < 1:
             raise UsageError(f"decisions must be 1 or more, not {self.decisions}")
         if not 0 <= self.seed < 1 << 63:
@@ -89,6 +127,16 @@ class RunConfig:
             raise UsageError(f"milestones are decisions, 1 to the budget's {self.decisions:,}, not {self.milestones}")
         if not self.checkpoint_seconds >= 0:
             raise UsageError(f"checkpoint_seconds must be 0 or more, not {self.checkpoint_seconds}")
+
+    @property
+    def plans(self) -> bool:
+        """Whether this model has a map and a planner."""
+        return MODELS[self.model].plans
+
+    @property
+    def encoder_name(self) -> str:
+        """Which encoder shows the agent what it sees."""
+        return MODELS[self.model].encoder if self.encoder == "auto" else self.encoder
 
 
 def preset(name: str, model: str | None = None, overrides: Mapping[str, Any] | None = None) -> RunConfig:
@@ -185,5 +233,5 @@ def _check_keys(values: Mapping[str, Any], known: Mapping[str, Any], source: str
             close = difflib.get_close_matches(key, known, n=1)
             hint = f"; did you mean '{path}{close[0]}'?" if close else ""
             raise UsageError(f"{source}: unknown setting '{path}{key}'{hint}")
-        if isinstance(known[key], Mapping) and isinstance(value, Mapping):
+        if key != "options" and isinstance(known[key], Mapping) and isinstance(value, Mapping):
             _check_keys(value, known[key], source, f"{path}{key}.")

@@ -5,7 +5,7 @@ import os
 import platform
 import shutil
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Self
@@ -15,17 +15,10 @@ from semrl.core.errors import SemrlError, UsageError
 from semrl.core.files import locked, make_folder, read_arrays, write_arrays, write_text
 from semrl.training.config import RunConfig, from_dict, read_toml, write_toml
 
-FORMAT = 1
+FORMAT = 2
 """Number of the layout of run folders; raised when older ones can no longer be read."""
 
 KEPT_CHECKPOINTS = 2
-PLAYABLE = (
-    "pipeline/", "agent/network/", "reasoner/state_map/", "reasoner/world/next_state/", "reasoner/world/reward/",
-    "reasoner/world/forests/", "reasoner/world/counts", "reasoner/world/columns", "reasoner/world/varying",
-    "reasoner/world/inertia",
-    "schooling/position", "decisions",
-)  # fmt: skip
-"""What the arrays begin with that are needed to play."""
 _PROVENANCE = ("semrl", "ale-py", "gymnasium", "numpy", "opencv-python-headless", "scikit-learn", "torch")
 
 
@@ -36,6 +29,8 @@ class Checkpoint:
     arrays: Arrays
     metrics_rows: int
     seconds: float
+    playable: frozenset[str]
+    """Names of the arrays that are enough to play."""
 
 
 @dataclass(frozen=True)
@@ -141,13 +136,12 @@ class RunFolder:
     def save_milestone(self, checkpoint: Checkpoint) -> None:
         """Keep what is needed to play, for good."""
         make_folder(self.path / "milestones")
-        playable = replace(checkpoint, arrays=weights(checkpoint.arrays))
-        _write(self.path / "milestones" / _file_name(checkpoint), playable)
+        _write(self.path / "milestones" / _file_name(checkpoint), checkpoint)
 
-    def load(self, prefixes: tuple[str, ...] = ("",), at: int | None = None) -> Checkpoint | None:
-        """Read the newest checkpoint or a milestone, or only arrays whose names begin with one of the prefixes.
+    def load(self, at: int | None = None, *, play_only: bool = False, memory: bool = False) -> Checkpoint | None:
+        """Read the newest checkpoint or a milestone; or, of it, only what is needed to play.
 
-        Returns None when there is no checkpoint yet.
+        With `memory` also what map and world model need to go on learning. None when there is no checkpoint yet.
 
         Raises
         ------
@@ -160,14 +154,21 @@ class RunFolder:
         if not paths:
             return None
         try:
-            arrays = read_arrays(paths[-1], prefixes=("meta", *prefixes))
-            meta = _read_meta(paths[-1], arrays)
+            meta = _read_meta(paths[-1])
+            wanted = (*meta["playable"], *(("planning/",) if memory else ())) if play_only else ("",)
+            arrays = read_arrays(paths[-1], prefixes=wanted)
+            arrays.pop("meta", None)
+        except UsageError:
+            raise
         except SemrlError as error:
             before = f"to go on from {paths[-2].name}" if len(paths) > 1 else "to start again"
             raise SemrlError(f"{error}; delete this file {before}") from None
-        if meta["format"] != FORMAT:
-            raise UsageError(f"{paths[-1]} has format {meta['format']}; this semrl reads format {FORMAT}")
-        return Checkpoint(arrays=arrays, metrics_rows=meta["metrics_rows"], seconds=meta["seconds"])
+        return Checkpoint(
+            arrays=arrays,
+            metrics_rows=meta["metrics_rows"],
+            seconds=meta["seconds"],
+            playable=frozenset(meta["playable"]),
+        )
 
     def _milestone(self, at: int) -> Path:
         kept = self.milestones()
@@ -203,15 +204,22 @@ def _file_name(checkpoint: Checkpoint) -> str:
 
 def _write(path: Path, checkpoint: Checkpoint) -> None:
     """Write arrays and, as one more of them, what belongs beside them."""
-    meta = {"format": FORMAT, "metrics_rows": checkpoint.metrics_rows, "seconds": checkpoint.seconds}
+    meta = {
+        "format": FORMAT,
+        "metrics_rows": checkpoint.metrics_rows,
+        "seconds": checkpoint.seconds,
+        "playable": sorted(checkpoint.playable),
+    }
     write_arrays(path, {"meta": json_to_array(meta), **checkpoint.arrays})
 
 
-def _read_meta(path: Path, arrays: Arrays) -> dict[str, Any]:
-    """Take what belongs beside a checkpoint's arrays out of them."""
+def _read_meta(path: Path) -> dict[str, Any]:
+    """Read what belongs beside a checkpoint's arrays."""
     try:
-        meta = array_to_json(arrays.pop("meta"))
-        return {name: meta[name] for name in ("format", "metrics_rows", "seconds")}
+        meta = array_to_json(read_arrays(path, prefixes=("meta",))["meta"])
+        if meta["format"] != FORMAT:
+            raise UsageError(f"{path} has format {meta['format']}; this semrl reads format {FORMAT}")
+        return {name: meta[name] for name in ("metrics_rows", "seconds", "playable")}
     except (KeyError, TypeError, ValueError):
         raise SemrlError(f"{path} is no checkpoint: what it says of itself is missing") from None
 
@@ -234,13 +242,3 @@ def _version(package: str) -> str:
         return version(package)
     except PackageNotFoundError:
         return "unknown"
-
-
-def lasting(arrays: Arrays) -> Arrays:
-    """Return what a finished run keeps: what is needed to play, and for map and models to learn from further play."""
-    return {name: value for name, value in arrays.items() if name.startswith((*PLAYABLE, "reasoner/"))}
-
-
-def weights(arrays: Arrays) -> Arrays:
-    """Return what is needed to play, out of a whole state: perception, the Q-network, the map and its models."""
-    return {name: value for name, value in arrays.items() if name.startswith(PLAYABLE)}

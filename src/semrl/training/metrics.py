@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 from semrl.core.errors import SemrlError
 from semrl.core.files import write_text
 
-COLUMNS = (
-    "phase", "decisions", "batches", "stability", "leaves",
-    "episode", "policy", "return", "length", "exploration", "loss", "updates",
-    "map_nodes", "map_edges", "seconds_map", "seconds_next_state", "seconds_reward", "seconds_routes", "seconds",
-)  # fmt: skip
-"""What a row may hold; cells that say nothing stay empty. Seconds are wall-clock, everything else repeats."""
+COLUMNS = ("phase", "decisions", "seconds", "batches", "stability", "clusters", "episode", "policy", "return", "length")
+"""The first columns; what else agents, map and world model measure stands behind them, as it comes.
+
+Cells that say nothing stay empty. Seconds are wall-clock, everything else repeats."""
 
 
 RUNNING_MEAN_EPISODES = 10
@@ -49,16 +47,10 @@ class MetricsFile:
         kept = read_metrics(path)[:n_rows]
         if len(kept) < n_rows:
             raise SemrlError(f"{path} is damaged: it has {len(kept)} rows, where the checkpoint knows of {n_rows}")
-        text = io.StringIO()
-        writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(kept)
-        write_text(path, text.getvalue())
         self.path = path
         self.n_rows = len(kept)
         self._began = time.monotonic() - seconds
-        self._file = path.open("a", newline="")
-        self._writer = csv.DictWriter(self._file, COLUMNS, lineterminator="\n")
+        self._open(tuple(kept[0]) if kept else COLUMNS, kept)
 
     @property
     def seconds(self) -> float:
@@ -66,7 +58,7 @@ class MetricsFile:
         return time.monotonic() - self._began
 
     def write(self, row: Mapping[str, Any]) -> None:
-        """Append one row, at once: people watch the file grow.
+        """Append one row, at once: people watch the file grow. A column that is new is added to all rows.
 
         Raises
         ------
@@ -74,6 +66,9 @@ class MetricsFile:
             When the disk is full.
         """
         with self._told():
+            if new := [column for column in row if column not in self._columns]:
+                self._file.close()
+                self._open((*self._columns, *new), read_metrics(self.path))
             self._writer.writerow({**row, "seconds": round(self.seconds, 3)})
             self._file.flush()
         self.n_rows += 1
@@ -94,6 +89,17 @@ class MetricsFile:
         """Close the file, whatever becomes of rows that no checkpoint knows of."""
         with contextlib.suppress(OSError):
             self._file.close()
+
+    def _open(self, columns: tuple[str, ...], rows: list[dict[str, str]]) -> None:
+        """Write the file anew with these columns and rows, and go on behind them."""
+        text = io.StringIO()
+        writer = csv.DictWriter(text, columns, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+        write_text(self.path, text.getvalue())
+        self._columns = columns
+        self._file = self.path.open("a", newline="")
+        self._writer = csv.DictWriter(self._file, columns, lineterminator="\n")
 
     @contextlib.contextmanager
     def _told(self) -> Iterator[None]:
@@ -118,8 +124,8 @@ def read_metrics(path: Path) -> list[dict[str, str]]:
         rows = list(csv.DictReader(line for line in lines if line.endswith("\n")))
     except (ValueError, csv.Error) as error:
         raise SemrlError(f"{path} is damaged: {error}") from None
-    if any(tuple(row) != COLUMNS or None in row.values() for row in rows):
-        raise SemrlError(f"{path} is damaged: it does not have the columns {', '.join(COLUMNS)}")
+    if any(tuple(row)[: len(COLUMNS)] != COLUMNS or None in row.values() for row in rows):
+        raise SemrlError(f"{path} is damaged: it does not begin with the columns {', '.join(COLUMNS)}")
     return rows
 
 

@@ -14,17 +14,16 @@ import numpy as np
 import torch
 from threadpoolctl import threadpool_limits
 
-from semrl.agents import DQN
+from semrl.agents import AGENTS
 from semrl.core.arrays import Arrays, digest, unnest
 from semrl.core.errors import SemrlError, UsageError
 from semrl.core.signals import handling
 from semrl.envs import Game, make_env, rom_name
-from semrl.perception.config import MODELS
-from semrl.perception.pipeline import Pipeline
-from semrl.perception.pretraining.schedule import Schooling
-from semrl.planning.module import MAP_MODELS, Reasoner
+from semrl.perception.encoders import ENCODERS
+from semrl.perception.pretraining.schedule import PretrainingSchedule
+from semrl.planning.module import PlanningModule
 from semrl.training.config import RunConfig
-from semrl.training.folder import Checkpoint, RunFolder, lasting, weights
+from semrl.training.folder import Checkpoint, RunFolder
 from semrl.training.metrics import MetricsFile
 from semrl.training.trainer import Observer, Row, Trainer
 
@@ -80,31 +79,29 @@ def build_trainer(config: RunConfig, observers: Sequence[Observer] = ()) -> Trai
     env = make_env(config.env, config.environment)
     seeds = [int(seed) for seed in np.random.SeedSequence(config.seed).generate_state(4)]
     game = Game(env, seeds[0])
-    reasons = config.model in MAP_MODELS
-    pipeline = Pipeline(config.pipeline, MODELS[config.model], rom_name(env), listed=reasons)
-    reasoner = None
-    if reasons:
-        first, after = pipeline.facts.start, pipeline.facts.stop
-        reasoner = Reasoner(
-            config.reasoning, after - first, game.n_actions, seed=seeds[3], first=first, axes=pipeline.axes
-        )
-    goal_size = reasoner.goal_size if reasoner else 0
-    agent = DQN(
+    encoder = ENCODERS.load(config.encoder_name)(config.perception, rom=rom_name(env), planning=config.plans)
+    space = encoder.space
+    planning = None
+    if config.plans:
+        if not space.n_facts:
+            raise UsageError(f"a planner needs facts to reason about, and the encoder '{config.encoder_name}' has none")
+        planning = PlanningModule(config.planning, space.n_facts, game.n_actions, seed=seeds[3], axes=space.axes)
+    agent = AGENTS.make(
         config.agent,
-        (pipeline.shape[0] + goal_size, *pipeline.shape[1:]),
-        pipeline.dtype,
-        game.n_actions,
+        config,
+        space=space,
+        plan_size=planning.plan_size if planning else 0,
+        n_actions=game.n_actions,
         seed=seeds[1],
-        goal_size=goal_size,
         budget=config.decisions,
+        device=config.device,
     )
-    schooling = Schooling(pipeline, config.stability)
     return Trainer(
         game,
-        pipeline,
-        schooling,
+        encoder,
+        PretrainingSchedule(encoder.stages(config.stability), config.stability),
         agent,
-        reasoner,
+        planning,
         decisions=config.decisions,
         seed=seeds[2],
         observers=observers,
@@ -160,7 +157,7 @@ class _Session:
     def on_decision(self, trainer: Trainer) -> None:
         """Save when it is time, at milestones, at the end of each phase, and when asked to stop."""
         if trainer.decisions_ in self.config.milestones:
-            self.folder.save_milestone(self._checkpoint())
+            self.folder.save_milestone(self._as_checkpoint(self.trainer.inference_arrays()))
         due = time.monotonic() - self._saved_at > self.config.checkpoint_seconds
         if due or trainer.phase != self._phase or self._stopped_by:
             self._phase = trainer.phase
@@ -198,21 +195,26 @@ class _Session:
 
     def _checkpoint(self) -> Checkpoint:
         arrays = self.trainer.to_arrays()
-        _check_weights(arrays)
-        return Checkpoint(arrays=arrays, metrics_rows=self.metrics.n_rows, seconds=self.metrics.seconds)
+        check_finite(arrays)
+        return self._as_checkpoint(arrays)
+
+    def _as_checkpoint(self, arrays: Arrays) -> Checkpoint:
+        playable = frozenset(self.trainer.inference_arrays())
+        return Checkpoint(
+            arrays=arrays, playable=playable, metrics_rows=self.metrics.n_rows, seconds=self.metrics.seconds
+        )
 
     def _finish(self) -> TrainResult:
-        """Note the hashes of everything, then keep what play and reasoning need and drop the rest."""
+        """Note the hashes of everything, then keep what play and planning need and drop the rest."""
         self._save()  # until the manifest says "finished", who goes on needs the whole state
-        arrays = self.trainer.to_arrays()
         result = self._result()
+        playable = self.trainer.inference_arrays()
         self.folder.update_manifest(
             status="finished",
-            hashes={"state": digest(arrays), "weights": digest(weights(arrays))},
+            hashes={"state": digest(self.trainer.to_arrays()), "weights": digest(playable)},
             result=result.__dict__,
         )
-        checkpoint = Checkpoint(arrays=lasting(arrays), metrics_rows=self.metrics.n_rows, seconds=result.seconds)
-        self.folder.save(checkpoint, keep=1)
+        self.folder.save(self._as_checkpoint(playable | self.trainer.memory_arrays()), keep=1)
         return result
 
     def _result(self) -> TrainResult:
@@ -234,16 +236,15 @@ class _Session:
         self._stopped_by = signal.Signals(number)
 
 
-def _check_weights(arrays: Arrays) -> None:
+def check_finite(arrays: Arrays) -> None:
     """Keep weights that are not numbers out of the checkpoints: the last good one stays."""
-    settings = {
-        "agent/network": "--agent.learning-rate",
-        "reasoner/world/next_state/network/layers": "--reasoning.models.next-state.learning-rate",
-        "reasoner/world/reward/network/layers": "--reasoning.models.reward.learning-rate",
-    }
-    for part, setting in settings.items():
-        if not all(np.isfinite(value).all() for value in unnest(arrays, part).values()):
-            raise SemrlError(f"the weights are no longer numbers: learning has diverged; try a smaller {setting}")
+    for part, what in (("agent", "the agent's"), ("planning/world_model", "the world model's")):
+        learned = unnest(arrays, part)
+        weights = [array for name, array in learned.items() if "/network/" in f"/{name}/" or "/layers/" in f"/{name}/"]
+        if not all(np.isfinite(array).all() for array in weights):
+            raise SemrlError(
+                f"{what} weights are no longer numbers: learning has diverged; try a smaller learning rate"
+            )
 
 
 def _told_before(manifest: Mapping[str, Any], folder: RunFolder) -> TrainResult:

@@ -1,6 +1,6 @@
-"""Play that is remembered: perception studies it again and again, then map and models of the world recall it.
+"""Pretraining on stored play: each stage learns from the same episodes, then map and world model do.
 
-What is remembered of an episode is its seed and its actions; it is seen again by playing it again, which is no new
+What is stored of an episode is its seed and its actions; it is seen again by playing it again, which is no new
 experience. So a stage costs no decisions of its own, and what was seen before perception could see is not lost.
 """
 
@@ -8,17 +8,17 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from semrl.core import Observation
 from semrl.core.arrays import Arrays, arrays_to_ragged, nest, ragged_to_arrays, unnest
 from semrl.core.errors import SemrlError
 from semrl.envs import Game, Played
-from semrl.perception.pipeline import Pipeline
-from semrl.perception.pretraining.schedule import Schooling
+from semrl.perception.encoders import Encoder
+from semrl.perception.pretraining.schedule import PretrainingSchedule
 from semrl.perception.pretraining.stages import Stage
-from semrl.planning.module import Reasoner
+from semrl.planning.module import PlanningModule
+from semrl.training.loop import EpisodeView, Frames, Step, View
 
 
-def study(game: Game, pipeline: Pipeline, schooling: Schooling, played: Sequence[Played]) -> Iterator[Stage]:
+def pretrain(game: Game, schedule: PretrainingSchedule, stored: Sequence[Played]) -> Iterator[Stage]:
     """Let each stage learn from the same episodes, from the first on, until perception is ready.
 
     Yields
@@ -31,49 +31,51 @@ def study(game: Game, pipeline: Pipeline, schooling: Schooling, played: Sequence
     SemrlError
         When a stage would never be complete, since there is nothing in the play that it could learn from.
     """
-    while (stage := schooling.current) is not None:
-        for observation, action in _seen_again(game, pipeline, played):
-            yield schooling.learn(observation, action)
-            if schooling.current is not stage:
+    while (stage := schedule.current) is not None:
+        for step in (step for episode in stored for step in play_again(game, Frames(), episode)):
+            yield schedule.learn(step.observation, step.action)
+            if schedule.current is not stage:
                 break
         else:
-            if stage.batches_ >= max(stage.goal, schooling.max_batches):
-                seen = sum(len(episode.actions) for episode in played)
+            if stage.batches_ >= max(stage.target, schedule.max_batches):
+                seen = sum(len(episode.actions) for episode in stored)
                 raise SemrlError(
                     f"the stage '{stage.name}' finds nothing to learn from in {seen:,} decisions; "
                     "try more of them with --stability.decisions"
                 )
 
 
-def _seen_again(game: Game, pipeline: Pipeline, played: Sequence[Played]) -> Iterator[tuple[Observation, int | None]]:
-    for episode in played:
-        pipeline.begin_episode()
-        for observation, action, _ in game.again(episode):
-            yield observation, action
+def warm_start(game: Game, encoder: Encoder, planning: PlanningModule, stored: Sequence[Played]) -> None:
+    """Let map and world model learn from episodes that were played before perception was ready."""
+    for episode in stored:
+        view = EpisodeView(encoder)
+        planning.begin_episode()
+        facts = None
+        for step in play_again(game, view, episode):
+            assert step.state is not None
+            if facts is not None and step.action is not None:
+                planning.observe(facts, step.action, step.reward)
+            facts = step.state.facts
+        if facts is not None:
+            planning.end_episode(facts)
 
 
-def recall(game: Game, pipeline: Pipeline, reasoner: Reasoner, played: Sequence[Played]) -> None:
-    """Let map and models learn from episodes that were played before perception was ready."""
-    for episode in played:
-        pipeline.begin_episode()
-        reasoner.begin_episode()
-        seen = None
-        for observation, action, reward in game.again(episode):
-            encoded = pipeline.encode(observation)
-            if seen is not None and action is not None:
-                reasoner.observe(seen, action, reward)
-            seen = encoded
-        if seen is not None:
-            reasoner.end_episode(seen)
+def play_again(game: Game, view: View, stored: Played) -> Iterator[Step]:
+    """Play a stored episode again, as far as it was played."""
+    step = view.begin(game.begin(stored.seed))
+    yield step
+    for action in stored.actions.tolist():
+        step = view.follow(step, action, game.step(action))
+        yield step
 
 
-def played_to_arrays(played: Sequence[Played]) -> Arrays:
+def stored_to_arrays(stored: Sequence[Played]) -> Arrays:
     """Return episodes as arrays."""
-    actions = ragged_to_arrays([episode.actions for episode in played], like=np.empty(0, np.int64))
-    return {"seeds": np.array([episode.seed for episode in played]), **nest(actions=actions)}
+    actions = ragged_to_arrays([episode.actions for episode in stored], like=np.empty(0, np.int64))
+    return {"seeds": np.array([episode.seed for episode in stored]), **nest(actions=actions)}
 
 
-def played_from_arrays(arrays: Arrays) -> list[Played]:
+def stored_from_arrays(arrays: Arrays) -> list[Played]:
     """Make the episodes again; none of no arrays."""
     if not arrays:
         return []

@@ -48,9 +48,21 @@ class ModelPair:
         Number of actions.
     seed
         Of networks and rehearsal.
+    discount, axes
+        Not needed: rewards are predicted as they come, and numbers are not compared.
     """
 
-    def __init__(self, config: ModelPairConfig, dimension: int, n_actions: int, *, seed: int = 0) -> None:
+    def __init__(
+        self,
+        config: ModelPairConfig,
+        dimension: int,
+        n_actions: int,
+        *,
+        seed: int = 0,
+        discount: float = 1.0,
+        axes: Ints | None = None,
+    ) -> None:
+        del discount, axes
         self.config = config
         self.next_state = NextStateNetwork(config.next_state, dimension, n_actions, seed=seed)
         self.reward = make_reward_model(config.reward, dimension, n_actions, seed=seed)
@@ -75,7 +87,7 @@ class ModelPair:
         ended = time.perf_counter()
         return {"seconds_next_state": round(between - began, 4), "seconds_reward": round(ended - between, 4)}
 
-    def revise(self, so_far: Trajectory) -> None:
+    def update_online(self, so_far: Trajectory) -> None:
         """Learn nothing: an episode is learned from when it is over."""
 
     def imagine(self, moment: Moment, sequences: Ints) -> Scenarios:
@@ -92,16 +104,18 @@ class ModelPair:
         )
         return parts | {"rng": rng_to_array(self._rng)}
 
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Go on exactly where `to_arrays` was called."""
-        self.load(arrays)
-        self.experience.from_arrays(unnest(arrays, "experience"))
-        self._rng = array_to_rng(arrays["rng"])
+    def inference_arrays(self) -> Arrays:
+        """Return the models alone."""
+        return nest(next_state=self.next_state.to_arrays(), reward=self.reward.to_arrays())
 
-    def load(self, arrays: Arrays) -> None:
-        """Take over the models; enough to foresee."""
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on exactly where `to_arrays` was called; of the models alone, predict as they did there."""
         self.next_state.from_arrays(unnest(arrays, "next_state"))
         self.reward.from_arrays(unnest(arrays, "reward"))
+        if "rng" not in arrays:
+            return
+        self.experience.from_arrays(unnest(arrays, "experience"))
+        self._rng = array_to_rng(arrays["rng"])
 
     def _lessons(self, epochs: int, trajectory: Trajectory, *, balanced: bool = False) -> Iterator[Transitions]:
         """Yield what a model learns from, pass by pass: the episode, or as much of what is remembered."""

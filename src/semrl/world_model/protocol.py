@@ -1,10 +1,11 @@
 """What a world model must offer (§3.4.3), and the two halves of the thesis's."""
 
-from typing import Protocol, Self
+from collections.abc import Sequence
+from typing import Protocol, Self, runtime_checkable
 
 from semrl.core import Floats, Ints, Moment, Scenarios, Trajectory, Transitions
-from semrl.core.arrays import Arrays
-from semrl.core.protocols import Persistent
+from semrl.core.protocols import Learner, Persistent
+from semrl.world_model.rules import Rule
 
 
 class DynamicsModel(Persistent, Protocol):
@@ -31,26 +32,37 @@ class RewardModel(Persistent, Protocol):
         ...
 
 
-class WorldModel(Persistent, Protocol):
-    """Foresees what actions lead to (§3.4.3)."""
+class WorldModel(Learner, Protocol):
+    """Predicts what actions lead to (§3.4.3).
+
+    It is made with its configuration, ``dimension`` (length of the facts) and ``n_actions`` and, by keyword, ``seed``,
+    ``discount`` (what a reward counts one decision later) and ``axes`` (see `StateSpace.axes`).
+    """
 
     @property
     def is_fitted(self) -> bool:
-        """Whether anything was learned yet."""
+        """Whether enough was learned to predict."""
         ...
 
     def partial_fit(self, trajectory: Trajectory) -> dict[str, float]:
         """Learn from an episode after its end; return columns of the metrics."""
         ...
 
-    def revise(self, so_far: Trajectory) -> None:
+    def update_online(self, so_far: Trajectory) -> None:
         """Learn from the episode that is going on, when that is worth while; what it shows is not kept."""
         ...
 
     def imagine(self, moment: Moment, sequences: Ints) -> Scenarios:
-        """Foresee what ``(s, t)`` sequences of actions lead to."""
+        """Predict what ``(s, t)`` sequences of actions lead to; fewer may come back, those that promise most."""
         ...
 
-    def load(self, arrays: Arrays) -> None:
-        """Take over what is needed to foresee, and no more."""
+
+@runtime_checkable
+class RuleBased(Protocol):
+    """A world model whose predictions can be read as rules."""
+
+    def rules(
+        self, names: Sequence[str], actions: Sequence[str], *, most: int = 8, unit: float | None = None
+    ) -> list[Rule]:
+        """Return the rules for each number of a state, and for the reward."""
         ...

@@ -109,12 +109,20 @@ class TreeWorld:
     """
 
     def __init__(
-        self, config: TreesConfig, dimension: int, *, discount: float = 1.0, seed: int = 0, axes: Ints | None = None
+        self,
+        config: TreesConfig,
+        dimension: int,
+        n_actions: int = 0,
+        *,
+        seed: int = 0,
+        discount: float = 1.0,
+        axes: Ints | None = None,
     ) -> None:
+        del n_actions  # an action is a number among others to a tree
         if dimension > MAX_DIMENSION:
             raise UsageError(
                 f"trees learn from states of at most {MAX_DIMENSION} numbers, not {dimension}; "
-                "use reasoning.world = 'models'"
+                "use planning.world_model = 'networks'"
             )
         self.config = config
         self.discount = discount
@@ -146,7 +154,7 @@ class TreeWorld:
         self._grow_if_due(self.experience, self.seen_)
         return {}
 
-    def revise(self, so_far: Trajectory) -> None:
+    def update_online(self, so_far: Trajectory) -> None:
         """Grow a forest anew, when there is enough new, from all that is remembered and the episode so far."""
         seen = self.seen_ + len(so_far)
         if self._is_due(seen):
@@ -246,21 +254,22 @@ class TreeWorld:
 
     def to_arrays(self) -> Arrays:
         """Return trees and memory."""
+        return self.inference_arrays() | nest(experience=self.experience.to_arrays())
+
+    def inference_arrays(self) -> Arrays:
+        """Return the trees alone."""
         own = {
             "counts": np.array([self.seen_, *self.grown_]),
             "varying": self.varying_,
             "inertia": self.inertia_,
             "columns": np.array(self._columns),
         }
-        return nest(forests=self.forests.to_arrays(), experience=self.experience.to_arrays()) | own
+        return nest(forests=self.forests.to_arrays()) | own
 
     def from_arrays(self, arrays: Arrays) -> None:
-        """Go on exactly where `to_arrays` was called."""
-        self.load(arrays)
-        self.experience.from_arrays(unnest(arrays, "experience"))
-
-    def load(self, arrays: Arrays) -> None:
-        """Take over the trees; enough to foresee."""
+        """Go on exactly where `to_arrays` was called; of the trees alone, predict as they did there."""
+        if experience := unnest(arrays, "experience"):
+            self.experience.from_arrays(experience)
         self.forests.from_arrays(unnest(arrays, "forests"))
         self.varying_, self.inertia_ = arrays["varying"], arrays["inertia"]
         self.seen_, self.grown_ = int(arrays["counts"][0]), arrays["counts"][1:].copy()

@@ -74,7 +74,12 @@ class Birch:
         self._classes = np.zeros(0, np.int64)  # the class of each of them
 
     @property
-    def n_leaves_(self) -> int:
+    def is_fitted(self) -> bool:
+        """Whether anything was learned yet."""
+        return self._tree.n_leaves_ > 0
+
+    @property
+    def n_clusters_(self) -> int:
         """How many leaves the tree has."""
         return self._tree.n_leaves_
 
@@ -85,7 +90,7 @@ class Birch:
 
     @property
     def leaf_classes_(self) -> Ints:
-        """The class of each leaf, ``(n_leaves_,)`` int64, oldest leaf first."""
+        """The class of each leaf, ``(n_clusters_,)`` int64, oldest leaf first."""
         return self._classes.copy()
 
     @property

@@ -73,6 +73,11 @@ class ForegroundDetector:
         return self.frames_ >= self.config.background_frames
 
     @property
+    def frames_needed(self) -> int:
+        """How many frames `partial_fit` wants."""
+        return self.config.background_frames
+
+    @property
     def background_(self) -> Frame:
         """The commonest colours, ``(height, width, channels)`` uint8."""
         return self._background.copy()
@@ -108,6 +113,10 @@ class ForegroundDetector:
         drawn = draw_objects(pixels, places, (ends - sizes)[kept], ends[kept], self.crop_size_px, IMAGE_SIZE_PX)
         crops, centres, boxes, labels = drawn
         return Objects(crops=crops, centres_px=centres, boxes_px=boxes, labels=labels)
+
+    def components(self, frame: Frame | Image) -> NDArray[np.int32]:
+        """Number the objects of a frame, ``(84, 84)``; 0 is background. They are not cut, so these are components."""
+        return self.detect(frame).labels
 
     def to_arrays(self) -> Arrays:
         """Return the background and its votes."""

@@ -7,11 +7,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from semrl.core import IMAGE_SIZE_PX, Image, Objects
+from semrl.core import IMAGE_SIZE_PX, Frame, Image, Objects
 from semrl.core.arrays import Arrays
 from semrl.core.errors import DataError, UsageError
-from semrl.perception.detection.components import Components, connected_components
+from semrl.perception.detection.components import connected_components
 from semrl.perception.detection.cutting import cut_components
+from semrl.perception.detection.grey import to_grey
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +58,11 @@ class OtsuDetector:
         return len(self.thresholds_) >= self.config.threshold_frames
 
     @property
+    def frames_needed(self) -> int:
+        """How many frames `partial_fit` wants."""
+        return self.config.threshold_frames
+
+    @property
     def threshold_(self) -> float:
         """The lowered threshold in grey levels; pixels above it are foreground."""
         if not self.thresholds_:
@@ -68,21 +74,22 @@ class OtsuDetector:
         """Edge of the window of one object: the largest size that is not cut."""
         return int(IMAGE_SIZE_PX * self.config.max_object_share)
 
-    def partial_fit(self, image: Image) -> Self:
-        """Look at one more image, until there are enough."""
-        _check(image)
+    def partial_fit(self, frame: Frame | Image) -> Self:
+        """Look at one more frame, RGB or the grey image ``(84, 84)`` made of it, until there are enough."""
+        image = _grey(frame)
         if not self.is_fitted:
             threshold, _ = cv2.threshold(image, 0, 255, cv2.THRESH_OTSU)
             self._keep([*self.thresholds_, float(threshold)])
         return self
 
-    def components(self, image: Image) -> NDArray[np.int32]:
+    def components(self, frame: Frame | Image) -> NDArray[np.int32]:
         """Number the connected components (8 neighbours) of the foreground, ``(84, 84)``; 0 is background."""
-        return self._components(image).labels
+        return connected_components(_grey(frame), self.threshold_).labels
 
-    def detect(self, image: Image) -> Objects:
-        """Find the objects of an image: its components, the large ones cut into equal parts."""
-        return cut_components(image, self._components(image), self.crop_size_px)
+    def detect(self, frame: Frame | Image) -> Objects:
+        """Find the objects of a frame: its components, the large ones cut into equal parts."""
+        image = _grey(frame)
+        return cut_components(image, connected_components(image, self.threshold_), self.crop_size_px)
 
     def to_arrays(self) -> Arrays:
         """Return the thresholds found."""
@@ -96,11 +103,11 @@ class OtsuDetector:
         self.thresholds_ = thresholds
         self._median = float(np.median(thresholds)) if thresholds else 0.0
 
-    def _components(self, image: Image) -> Components:
-        _check(image)
-        return connected_components(image, self.threshold_)
 
-
-def _check(image: Image) -> None:
-    if image.shape != (IMAGE_SIZE_PX, IMAGE_SIZE_PX) or image.dtype != np.uint8:
-        raise DataError(f"expected a grey image (84, 84) of uint8, got {image.shape} of {image.dtype}")
+def _grey(frame: Frame | Image) -> Image:
+    """Return the small grey image of a frame, or the image itself where that is given."""
+    if frame.ndim == 3:
+        return to_grey(frame)
+    if frame.shape != (IMAGE_SIZE_PX, IMAGE_SIZE_PX) or frame.dtype != np.uint8:
+        raise DataError(f"expected an RGB frame or a grey image (84, 84) of uint8, got {frame.shape} of {frame.dtype}")
+    return frame

@@ -101,6 +101,11 @@ class Doc2VecEmbedding:
         return self.config.documents
 
     @property
+    def is_fitted(self) -> bool:
+        """Whether the model was trained."""
+        return self.model_ is not None
+
+    @property
     def dimension(self) -> int:
         """Length of the vectors."""
         return self.config.dimension

@@ -121,6 +121,11 @@ class OnlineEmbedding:
         return self.config.documents
 
     @property
+    def is_fitted(self) -> bool:
+        """Whether enough scenes were learned from."""
+        return self.documents_ >= self.config.documents
+
+    @property
     def dimension(self) -> int:
         """Length of the vectors."""
         return self.config.dimension

@@ -1,7 +1,7 @@
 """What an embedder must offer."""
 
 from collections.abc import Sequence
-from typing import Protocol, Self
+from typing import Protocol, Self, runtime_checkable
 
 from semrl.core import Floats, SceneGraph
 from semrl.core.protocols import Persistent
@@ -20,10 +20,24 @@ class Embedder(Persistent, Protocol):
         """Length of the vectors."""
         ...
 
+    @property
+    def is_fitted(self) -> bool:
+        """Whether `transform` works."""
+        ...
+
     def fit(self, graphs: Sequence[SceneGraph]) -> Self:
         """Learn from scenes, all at once."""
         ...
 
     def transform(self, graph: SceneGraph) -> Floats:
         """Return the vector, ``(dimension,)`` float32; learns nothing."""
+        ...
+
+
+@runtime_checkable
+class OnlineEmbedder(Embedder, Protocol):
+    """An embedder that learns from one scene after the other, so that none need be kept."""
+
+    def partial_fit(self, graph: SceneGraph) -> Self:
+        """Learn from one more scene."""
         ...

@@ -27,10 +27,6 @@ class SceneGraphConfig:
     scenery_frames: int = 500
     """Frames in which kinds are seen to move or not, where scenery is left out."""
 
-    tracked: bool = False
-    """A scene is of the moving objects that are followed through time, found in frames of full size; where there
-    is a map, the list of them stands behind its vector, and is what the lower line reasons about."""
-
     def __post_init__(self) -> None:
         if not 0 <= self.proximity_px < np.inf:
             raise UsageError(f"proximity_px must be a finite number from 0 on, not {self.proximity_px}")

@@ -25,6 +25,11 @@ class Unlearned:
         return 0
 
     @property
+    def is_fitted(self) -> bool:
+        """True: there is nothing to learn."""
+        return True
+
+    @property
     def dimension(self) -> int:
         """Length of the vectors."""
         return self._dimension

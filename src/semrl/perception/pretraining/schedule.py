@@ -1,10 +1,10 @@
 """What perception learns before the agent, one stage after the other (§3.2.3).
 
-    threshold → PCA until stable → Birch until stable → scenery → documents of the embedding
-    background → PCA until stable → Birch until stable → roles → documents, where objects are tracked
+    detection → reduction until stable → clustering until stable → scenery → embedding
+    detection → reduction until stable → clustering until stable → roles → embedding, where objects are tracked
 
-Actions are random meanwhile: the agent cannot see yet, and chance explores. Either each stage plays on, or all study
-the same play: see `StabilityConfig.decisions`.
+Actions are random meanwhile: the agent cannot see yet, and chance explores. Either each stage plays on, or all learn
+from the same stored play: see `StabilityConfig.decisions`.
 """
 
 from collections.abc import Sequence
@@ -13,47 +13,32 @@ import numpy as np
 
 from semrl.core import Observation
 from semrl.core.arrays import Arrays, nest, unnest
-from semrl.perception.config import View
-from semrl.perception.embedding import OnlineEmbedding
-from semrl.perception.pipeline import Pipeline
 from semrl.perception.pretraining.stability import StabilityConfig
-from semrl.perception.pretraining.stages import (
-    BackgroundStage,
-    BirchStage,
-    DocumentsStage,
-    OnlineStage,
-    PCAStage,
-    PlayStage,
-    RolesStage,
-    SceneryStage,
-    Stage,
-    ThresholdStage,
-)
+from semrl.perception.pretraining.stages import PlayStage, Stage
 
 
-class Schooling:
-    """All stages that a pipeline's view needs, in order.
+class PretrainingSchedule:
+    """All stages that an encoder needs, in order.
 
     Parameters
     ----------
-    pipeline
-        Learns in place.
+    stages
+        As `Encoder.stages` returns them.
     config
-        When PCA and Birch are stable, and of how much play.
+        How much play is stored, and when a stage ends that is never stable.
 
     Attributes
     ----------
-    remembers : bool
-        Whether all is learned from the same play.
+    stores_play : bool
+        Whether all is learned from the same stored play.
     max_batches : int
         Batches after which a stage ends that can go on without being stable.
     """
 
-    def __init__(self, pipeline: Pipeline, config: StabilityConfig) -> None:
-        stages = _stages(pipeline, pipeline.view, config)
-        self.remembers = bool(config.decisions and stages)
+    def __init__(self, stages: Sequence[Stage], config: StabilityConfig) -> None:
+        self.stores_play = bool(config.decisions and stages)
         self.max_batches = config.max_batches
-        self.stages: Sequence[Stage] = [PlayStage(pipeline, config.decisions), *stages] if self.remembers else stages
+        self.stages: Sequence[Stage] = [PlayStage(config.decisions), *stages] if self.stores_play else stages
         self._position = 0
 
     @property
@@ -62,9 +47,9 @@ class Schooling:
         return self.stages[self._position] if self._position < len(self.stages) else None
 
     @property
-    def studies(self) -> bool:
-        """Whether what comes next is to be learned from the play that there was."""
-        return self.remembers and 0 < self._position < len(self.stages)
+    def uses_stored_play(self) -> bool:
+        """Whether what comes next is to be learned from the play that was stored."""
+        return self.stores_play and 0 < self._position < len(self.stages)
 
     def learn(self, observation: Observation, action: int | None = None) -> Stage:
         """Learn from one observation and the action that led there, if any; return the stage that did."""
@@ -79,26 +64,7 @@ class Schooling:
         return {"position": np.array(self._position), **state}
 
     def from_arrays(self, arrays: Arrays) -> None:
-        """Go on where the schooling was."""
+        """Go on where the schedule was."""
         self._position = int(arrays["position"])
         if self.current:
             self.current.from_arrays(unnest(arrays, "stage"))
-
-
-def _stages(pipeline: Pipeline, view: View, config: StabilityConfig) -> list[Stage]:
-    if view in ("grey", "ram"):
-        return []
-    stages: list[Stage] = [BackgroundStage(pipeline) if pipeline.follows else ThresholdStage(pipeline)]
-    if view in ("classes", "embedding", "objects"):
-        stages += [PCAStage(pipeline, config), BirchStage(pipeline, config)]
-    if pipeline.follows:
-        stages.append(RolesStage(pipeline))
-    elif view == "embedding" and pipeline.config.scene.omit_scenery:
-        stages.append(SceneryStage(pipeline))
-    if view == "embedding" and pipeline.embedder.documents_needed:
-        embedder = pipeline.embedder
-        if isinstance(embedder, OnlineEmbedding):
-            stages.append(OnlineStage(pipeline, embedder))
-        else:
-            stages.append(DocumentsStage(pipeline))
-    return stages

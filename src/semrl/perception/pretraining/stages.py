@@ -1,15 +1,17 @@
-"""The stages of what perception learns before the agent (§3.2.3); `schedule` puts them in order."""
+"""The stages in which perception learns before the agent does (§3.2.3); each encoder says which it needs."""
 
 from abc import ABC, abstractmethod
-from typing import Any
+from dataclasses import asdict
+from typing import Any, Protocol
 
 import numpy as np
 
-from semrl.core import Observation, SceneGraph
+from semrl.core import Observation, SceneGraph, Tracks
 from semrl.core.arrays import Arrays, arrays_to_ragged, nest, ragged_to_arrays, unnest
-from semrl.perception.detection.grey import to_grey
-from semrl.perception.embedding import OnlineEmbedding, build_scene_graph
-from semrl.perception.pipeline import Pipeline
+from semrl.core.protocols import Persistent
+from semrl.perception.embedding import build_scene_graph
+from semrl.perception.embedding.protocol import OnlineEmbedder
+from semrl.perception.perception import Perception
 from semrl.perception.pretraining.stability import (
     StabilityConfig,
     StabilityTest,
@@ -27,7 +29,7 @@ class Stage(ABC):
         As metrics and progress bars show it.
     unit : str
         What `batches_` counts.
-    goal : int
+    target : int
         How many batches it takes; 0 when that is not known beforehand.
     batches_ : int
         How many it took so far.
@@ -35,14 +37,16 @@ class Stage(ABC):
 
     name: str
     unit = "frames"
-    goal = 0
+    target = 0
 
-    def __init__(self, pipeline: Pipeline) -> None:
-        self.pipeline = pipeline
+    def __init__(self) -> None:
         self.batches_ = 0
 
     def learn(self, observation: Observation, action: int | None) -> bool:
-        """Learn from one observation and the action that led there; return whether the stage is complete."""
+        """Learn from one observation and the action that led there; return whether the stage is complete.
+
+        Observations come in their order; at the beginning of an episode there is no action.
+        """
         self.batches_ += 1
         return self._learn(observation, action)
 
@@ -50,11 +54,11 @@ class Stage(ABC):
     def _learn(self, observation: Observation, action: int | None) -> bool: ...
 
     def measured(self) -> dict[str, Any]:
-        """Return what there is to tell after the last batch: columns of the metrics."""
+        """Return what there is to report after the last batch: columns of the metrics."""
         return {}
 
     def to_arrays(self) -> Arrays:
-        """Return the state of the stage, without what the pipeline has learned in it."""
+        """Return the state of the stage, without what perception has learned in it."""
         return {"batches": np.array(self.batches_)}
 
     def from_arrays(self, arrays: Arrays) -> None:
@@ -63,43 +67,31 @@ class Stage(ABC):
 
 
 class PlayStage(Stage):
-    """See so much play, which the stages after this one study."""
+    """See so much play, from which the stages after this one learn."""
 
     name = "play"
     unit = "decisions"
 
-    def __init__(self, pipeline: Pipeline, decisions: int) -> None:
-        super().__init__(pipeline)
-        self.goal = decisions
+    def __init__(self, decisions: int) -> None:
+        super().__init__()
+        self.target = decisions
 
     def _learn(self, _observation: Observation, _action: int | None) -> bool:
-        return self.batches_ >= self.goal
+        return self.batches_ >= self.target
 
 
-class ThresholdStage(Stage):
-    """Find Otsu's threshold, once."""
+class DetectorStage(Stage):
+    """Learn what is no object: Otsu's threshold, or the background."""
 
-    name = "threshold"
+    name = "detection"
 
-    def __init__(self, pipeline: Pipeline) -> None:
-        super().__init__(pipeline)
-        self.goal = pipeline.config.detection.threshold_frames
-
-    def _learn(self, observation: Observation, _action: int | None) -> bool:
-        return self.pipeline.detector.partial_fit(to_grey(observation.frame)).is_fitted
-
-
-class BackgroundStage(Stage):
-    """Find what a frame looks like without anything that moves."""
-
-    name = "background"
-
-    def __init__(self, pipeline: Pipeline) -> None:
-        super().__init__(pipeline)
-        self.goal = pipeline.config.foreground.background_frames
+    def __init__(self, perception: Perception) -> None:
+        super().__init__()
+        self.detector = perception.detector
+        self.target = self.detector.frames_needed
 
     def _learn(self, observation: Observation, _action: int | None) -> bool:
-        return self.pipeline.foreground.partial_fit(observation.frame).is_fitted
+        return self.detector.partial_fit(observation.frame).is_fitted
 
 
 class _StableStage(Stage):
@@ -107,8 +99,9 @@ class _StableStage(Stage):
 
     unit = "batches"
 
-    def __init__(self, pipeline: Pipeline, test: StabilityTest, max_batches: int) -> None:
-        super().__init__(pipeline)
+    def __init__(self, perception: Perception, test: StabilityTest, max_batches: int) -> None:
+        super().__init__()
+        self.perception = perception
         self.test = test
         self.max_batches = max_batches
 
@@ -126,55 +119,55 @@ class _StableStage(Stage):
         self.test.from_arrays(unnest(arrays, "test"))
 
 
-class PCAStage(_StableStage):
-    """Train PCA on the unique objects of each frame."""
+class ReducerStage(_StableStage):
+    """Train the reducer on the unique objects of each frame."""
 
-    name = "pca"
+    name = "reduction"
 
-    def __init__(self, pipeline: Pipeline, config: StabilityConfig) -> None:
+    def __init__(self, perception: Perception, config: StabilityConfig) -> None:
         test = StabilityTest(
-            output=pipeline.pca.transform,
+            output=perception.reducer.transform,
             measure=mean_absolute_difference,
             is_stable=lambda difference: difference < config.max_difference,
             batches=config.batches,
         )
-        super().__init__(pipeline, test, config.max_batches)
+        super().__init__(perception, test, config.max_batches)
 
     def _learn(self, observation: Observation, _action: int | None) -> bool:
-        objects = self.pipeline.detect(observation)
-        pca = self.pipeline.pca
+        objects = self.perception.detector.detect(observation.frame)
+        reducer = self.perception.reducer
         if len(objects):
-            pca.partial_fit(objects.features)
-        stable = bool(len(objects)) and pca.is_fitted and self.test.update(objects.features)
-        return stable or (pca.is_fitted and self.batches_ >= self.max_batches)
+            reducer.partial_fit(objects.features)
+        stable = bool(len(objects)) and reducer.is_fitted and self.test.update(objects.features)
+        return stable or (reducer.is_fitted and self.batches_ >= self.max_batches)
 
 
-class BirchStage(_StableStage):
-    """Train Birch on all objects of each frame."""
+class ClustererStage(_StableStage):
+    """Train the clusterer on all objects of each frame."""
 
-    name = "birch"
+    name = "clustering"
 
-    def __init__(self, pipeline: Pipeline, config: StabilityConfig) -> None:
+    def __init__(self, perception: Perception, config: StabilityConfig) -> None:
         test = StabilityTest(
-            output=pipeline.birch.predict,
+            output=perception.clusterer.predict,
             measure=label_agreement,
             is_stable=lambda agreement: agreement > config.min_agreement,
             batches=config.batches,
         )
-        super().__init__(pipeline, test, config.max_batches)
+        super().__init__(perception, test, config.max_batches)
 
     def _learn(self, observation: Observation, _action: int | None) -> bool:
-        objects = self.pipeline.detect(observation)
+        objects = self.perception.detector.detect(observation.frame)
         stable = False
         if len(objects):
-            reduced = self.pipeline.pca.transform(objects.features)
-            self.pipeline.birch.partial_fit(reduced)
+            reduced = self.perception.reducer.transform(objects.features)
+            self.perception.clusterer.partial_fit(reduced)
             stable = self.test.update(reduced)
-        return stable or (self.pipeline.birch.n_leaves_ > 0 and self.batches_ >= self.max_batches)
+        return stable or (self.perception.clusterer.is_fitted and self.batches_ >= self.max_batches)
 
     def measured(self) -> dict[str, Any]:
-        """Return the number of leaves as well."""
-        return {**super().measured(), "leaves": self.pipeline.birch.n_leaves_}
+        """Return the number of clusters as well."""
+        return {**super().measured(), "clusters": self.perception.clusterer.n_clusters_}
 
 
 class SceneryStage(Stage):
@@ -182,14 +175,15 @@ class SceneryStage(Stage):
 
     name = "scenery"
 
-    def __init__(self, pipeline: Pipeline) -> None:
-        super().__init__(pipeline)
-        self.goal = pipeline.config.scene.scenery_frames
+    def __init__(self, perception: Perception) -> None:
+        super().__init__()
+        self.perception = perception
+        self.target = perception.config.scene.scenery_frames
 
     def _learn(self, observation: Observation, _action: int | None) -> bool:
-        objects = self.pipeline.detect(observation)
-        self.pipeline.scenery.partial_fit(self.pipeline.classes(objects), objects.centres_px)
-        return self.batches_ >= self.goal
+        objects = self.perception.detector.detect(observation.frame)
+        self.perception.scenery.partial_fit(self.perception.classes(objects), objects.centres_px)
+        return self.batches_ >= self.target
 
 
 class RolesStage(Stage):
@@ -197,37 +191,87 @@ class RolesStage(Stage):
 
     name = "roles"
 
-    def __init__(self, pipeline: Pipeline) -> None:
-        super().__init__(pipeline)
-        self.goal = pipeline.config.roles.frames
+    def __init__(self, perception: Perception) -> None:
+        super().__init__()
+        self.perception = perception
+        self.target = perception.config.roles.frames
+        self._tracks = perception.begin()
 
     def _learn(self, observation: Observation, action: int | None) -> bool:
-        tracks = self.pipeline.follow(observation.frame)
-        self.pipeline.roles.partial_fit(tracks, action)
-        self.pipeline.settle_roles()
-        return self.pipeline.roles.is_fitted
+        before = self.perception.begin() if action is None else self._tracks
+        tracks = self.perception.track(before, observation.frame)
+        self.perception.roles.partial_fit(tracks, action)
+        self._tracks = self.perception.assign(tracks)
+        return self.perception.roles.is_fitted
+
+    def to_arrays(self) -> Arrays:
+        """Return the tracks of the episode as well."""
+        return {**super().to_arrays(), **nest(tracks=asdict(self._tracks))}
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on where the stage was."""
+        super().from_arrays(arrays)
+        self._tracks = Tracks(**unnest(arrays, "tracks"))
 
 
-class DocumentsStage(Stage):
-    """Gather scenes, then train the embedding on all of them at once."""
+class SceneSource(Persistent, Protocol):
+    """Writes the observations of an episode, one after the other, as scene graphs."""
 
-    name = "documents"
+    def begin(self) -> None:
+        """Begin an episode."""
+        ...
+
+    def scene(self, observation: Observation) -> SceneGraph:
+        """Write the next observation."""
+        ...
+
+
+class _EmbedderStage(Stage):
+    """Show the embedder scenes."""
+
+    name = "embedding"
     unit = "documents"
 
-    def __init__(self, pipeline: Pipeline) -> None:
-        super().__init__(pipeline)
-        self.goal = pipeline.embedder.documents_needed
+    def __init__(self, perception: Perception, source: SceneSource) -> None:
+        super().__init__()
+        self.perception = perception
+        self.source = source
+        self.target = perception.embedder.documents_needed
+
+    def _learn(self, observation: Observation, action: int | None) -> bool:
+        if action is None:
+            self.source.begin()
+        return self._study(self.source.scene(observation))
+
+    @abstractmethod
+    def _study(self, scene: SceneGraph) -> bool: ...
+
+    def to_arrays(self) -> Arrays:
+        """Return where the episode stands as well."""
+        return {**super().to_arrays(), **nest(source=self.source.to_arrays())}
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on where the stage was."""
+        super().from_arrays(arrays)
+        self.source.from_arrays(unnest(arrays, "source"))
+
+
+class DocumentsStage(_EmbedderStage):
+    """Gather scenes, then train the embedder on all of them at once."""
+
+    def __init__(self, perception: Perception, source: SceneSource) -> None:
+        super().__init__(perception, source)
         self.scenes_: list[SceneGraph] = []
 
-    def _learn(self, observation: Observation, _action: int | None) -> bool:
-        self.scenes_.append(self.pipeline.watch(observation))
-        if len(self.scenes_) < self.goal:
+    def _study(self, scene: SceneGraph) -> bool:
+        self.scenes_.append(scene)
+        if len(self.scenes_) < self.target:
             return False
-        self.pipeline.embedder.fit(self.scenes_)
+        self.perception.embedder.fit(self.scenes_)
         return True
 
     def to_arrays(self) -> Arrays:
-        """Return the gathered scenes; their edges follow from the centres."""
+        """Return the gathered scenes as well; their edges follow from the centres."""
         classes = ragged_to_arrays([s.classes for s in self.scenes_], like=np.empty(0, np.int64))
         centres = ragged_to_arrays([s.centres_px for s in self.scenes_], like=np.empty((0, 2), np.float32))
         return {**super().to_arrays(), **nest(classes=classes, centres=centres)}
@@ -236,21 +280,22 @@ class DocumentsStage(Stage):
         """Go on where the stage was."""
         super().from_arrays(arrays)
         classes, centres = (arrays_to_ragged(unnest(arrays, name)) for name in ("classes", "centres"))
-        proximity = self.pipeline.config.scene.proximity_px
+        proximity = self.perception.config.scene.proximity_px
         self.scenes_ = [build_scene_graph(c, p, proximity) for c, p in zip(classes, centres, strict=True)]
 
 
-class OnlineStage(Stage):
-    """Let an embedding learn from scenes as they come; none of them is kept."""
+class OnlineStage(_EmbedderStage):
+    """Let an embedder learn from scenes as they come; none of them is kept."""
 
-    name = "documents"
-    unit = "documents"
+    def _study(self, scene: SceneGraph) -> bool:
+        assert isinstance(self.perception.embedder, OnlineEmbedder)
+        self.perception.embedder.partial_fit(scene)
+        return self.batches_ >= self.target
 
-    def __init__(self, pipeline: Pipeline, embedder: OnlineEmbedding) -> None:
-        super().__init__(pipeline)
-        self.embedder = embedder
-        self.goal = embedder.documents_needed
 
-    def _learn(self, observation: Observation, _action: int | None) -> bool:
-        self.embedder.partial_fit(self.pipeline.watch(observation))
-        return self.batches_ >= self.goal
+def embedder_stages(perception: Perception, source: SceneSource) -> list[Stage]:
+    """Return the stage in which the embedder learns; none where there is nothing to learn."""
+    if not perception.embedder.documents_needed:
+        return []
+    online = isinstance(perception.embedder, OnlineEmbedder)
+    return [OnlineStage(perception, source) if online else DocumentsStage(perception, source)]

@@ -52,6 +52,11 @@ class ObjectPCA:
         self._waiting: NDArray[np.float64] | None = None
 
     @property
+    def dimension(self) -> int:
+        """How many numbers describe an object."""
+        return self.config.components
+
+    @property
     def is_fitted(self) -> bool:
         """Whether rows can be transformed."""
         return self.n_updates_ > 0

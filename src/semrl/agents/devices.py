@@ -1,0 +1,27 @@
+"""Where networks compute."""
+
+from typing import Literal
+
+import torch
+
+from semrl.core.errors import UsageError
+
+Device = Literal["auto", "cpu", "cuda", "mps"]
+
+
+def pick_device(name: Device) -> torch.device:
+    """Return the device of a name; ``"auto"`` takes a GPU where there is one.
+
+    Raises
+    ------
+    UsageError
+        When this machine has no such device.
+    """
+    there = {"cpu": True, "cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available()}
+    if name == "auto":
+        return torch.device(next(kind for kind in ("cuda", "mps", "cpu") if there[kind]))
+    if not there.get(name):
+        raise UsageError(
+            f"device '{name}' is not there; this machine has {', '.join(k for k, v in there.items() if v)}"
+        )
+    return torch.device(name)

@@ -1,0 +1,35 @@
+"""What a detector must offer."""
+
+from typing import Protocol, Self
+
+from semrl.core import Frame, Ints, Objects
+from semrl.core.protocols import Persistent
+
+
+class Detector(Persistent, Protocol):
+    """Finds the objects of a frame (§3.2.1)."""
+
+    crop_size_px: int
+    """Side of the square crops of objects, in pixels of the 84×84 image."""
+
+    @property
+    def frames_needed(self) -> int:
+        """How many frames `partial_fit` wants before the detector is fitted."""
+        ...
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether enough frames were seen."""
+        ...
+
+    def partial_fit(self, frame: Frame) -> Self:
+        """Learn from one more RGB frame, ``(height, width, 3)`` uint8, until there are enough."""
+        ...
+
+    def detect(self, frame: Frame) -> Objects:
+        """Find the objects of a frame; learns nothing."""
+        ...
+
+    def components(self, frame: Frame) -> Ints:
+        """Number the connected regions that objects are cut from, ``(84, 84)``; 0 is background."""
+        ...

@@ -1,0 +1,121 @@
+"""The list of tracked objects: the models `objects` and `objects-map`."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+
+import numpy as np
+
+from semrl.core import IMAGE_SIZE_PX, Floats, Observation, Sight, State, StateSpace, Tracks
+from semrl.core.arrays import Arrays, nest, unnest
+from semrl.perception.config import PerceptionConfig
+from semrl.perception.perception import Perception
+from semrl.perception.pretraining.stability import StabilityConfig
+from semrl.perception.pretraining.stages import ClustererStage, DetectorStage, ReducerStage, RolesStage, Stage
+from semrl.perception.tracking import AXES, SLOT_NUMBERS
+
+PERCENT = 0.01
+"""Of the image: the unit in which people are shown places."""
+
+
+class ObjectsEncoder:
+    """Shows where the objects that move are: x, y and whether it is seen, for each role with a slot."""
+
+    def __init__(self, config: PerceptionConfig, *, rom: str | None = None, planning: bool = False) -> None:
+        del planning
+        self.rom = rom
+        self.perception = Perception(config, tracked=True)
+
+    @property
+    def space(self) -> StateSpace:
+        """What its states have in common; names are known when roles are."""
+        return listed_space(self.perception)
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether roles are known."""
+        return self.perception.roles.is_fitted
+
+    def stages(self, config: StabilityConfig) -> Sequence[Stage]:
+        """Return those of detector, reducer, clusterer and roles."""
+        return tracking_stages(self.perception, config)
+
+    def begin(self) -> "TrackedEpisode":
+        """Begin an episode."""
+        return TrackedEpisode(self.perception, lambda facts: State(vector=facts, facts=facts))
+
+    def to_arrays(self) -> Arrays:
+        """Return what was learned."""
+        return self.perception.to_arrays()
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Take over what was learned."""
+        self.perception.from_arrays(arrays)
+
+
+class TrackedEpisode:
+    """The tracks of one episode.
+
+    Parameters
+    ----------
+    perception
+        Sees and follows.
+    write
+        Makes a state of the list of tracked objects, ``(k,)`` float32.
+    """
+
+    def __init__(self, perception: Perception, write: Callable[[Floats], State]) -> None:
+        self._perception = perception
+        self._write = write
+        self.tracks = perception.begin()
+
+    def encode(self, observation: Observation) -> State:
+        """Move the tracks on by one observation and list what moves."""
+        return self._write(self.facts(observation))
+
+    def facts(self, observation: Observation) -> Floats:
+        """Move the tracks on by one observation and return the list, ``(k,)`` float32; see `Roles.transform`."""
+        self.tracks = self._perception.assign(self._perception.track(self.tracks, observation.frame))
+        return self._perception.roles.transform(self.tracks)
+
+    def look(self) -> Sight:
+        """Show the tracks that have a slot, each with the name of its role and its identity."""
+        tracks, roles = self.tracks, self._perception.roles
+        slots = roles.slots_.tolist()
+        listed = np.flatnonzero(tracks.visible & np.isin(tracks.roles, slots))
+        labels = np.zeros((IMAGE_SIZE_PX, IMAGE_SIZE_PX), np.int64)
+        boxes, classes = tracks.boxes_px[listed], tracks.classes[listed]
+        for (top, left, height, width), number in zip(boxes.tolist(), classes, strict=True):
+            labels[top : top + height, left : left + width] = number + 1
+        names = tuple(f"{roles.names_[slots.index(tracks.roles[i])]}: {tracks.ids[i]}" for i in listed)
+        return Sight(boxes_px=boxes, classes=classes, labels=labels, names=names)
+
+    def to_arrays(self) -> Arrays:
+        """Return the tracks."""
+        return nest(tracks=asdict(self.tracks))
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on with the tracks that were saved."""
+        self.tracks = Tracks(**unnest(arrays, "tracks"))
+
+
+def listed_space(perception: Perception, before: int = 0) -> StateSpace:
+    """Return the space of states that are a list of tracked objects, behind so many other numbers."""
+    roles = perception.roles
+    axes = np.tile([AXES.index(name) if name in AXES else -1 for name in SLOT_NUMBERS], perception.config.roles.slots)
+    return StateSpace(
+        shape=(before + roles.dimension,),
+        n_facts=roles.dimension,
+        names=tuple(f"{role} {name}" for role in roles.names_ for name in SLOT_NUMBERS),
+        axes=axes,
+        unit=PERCENT,
+    )
+
+
+def tracking_stages(perception: Perception, config: StabilityConfig) -> list[Stage]:
+    """Return what must be learned before objects can be listed."""
+    return [
+        DetectorStage(perception),
+        ReducerStage(perception, config),
+        ClustererStage(perception, config),
+        RolesStage(perception),
+    ]

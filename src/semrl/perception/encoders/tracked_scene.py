@@ -1,0 +1,87 @@
+"""The scene graph of tracked objects as a vector: `semantic` and `semantic-map` in the preset `semrl`."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from semrl.core import Floats, Observation, SceneGraph, State, StateSpace
+from semrl.core.arrays import Arrays
+from semrl.perception.config import PerceptionConfig
+from semrl.perception.encoders.objects import TrackedEpisode, listed_space, tracking_stages
+from semrl.perception.perception import Perception
+from semrl.perception.pretraining.stability import StabilityConfig
+from semrl.perception.pretraining.stages import Stage, embedder_stages
+
+
+class TrackedSceneEncoder:
+    """Shows the embedded scene of tracked objects.
+
+    Planners reason about the list of them, which is then shown as well: the vector of a predicted scene follows from
+    the predicted list, while its own numbers are too many for trees.
+    """
+
+    def __init__(self, config: PerceptionConfig, *, rom: str | None = None, planning: bool = False) -> None:
+        self.rom = rom
+        self.perception = Perception(config, tracked=True, embedded=True)
+        self.planning = planning
+
+    @property
+    def space(self) -> StateSpace:
+        """What its states have in common; names are known when roles are."""
+        dimension = self.perception.embedder.dimension
+        return listed_space(self.perception, before=dimension) if self.planning else StateSpace(shape=(dimension,))
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether roles are known and scenes can be embedded."""
+        return self.perception.roles.is_fitted and self.perception.embedder.is_fitted
+
+    def stages(self, config: StabilityConfig) -> Sequence[Stage]:
+        """Return those of detector, reducer, clusterer, roles and embedder."""
+        scenes = _TrackedScenes(self.perception)
+        return [*tracking_stages(self.perception, config), *embedder_stages(self.perception, scenes)]
+
+    def begin(self) -> TrackedEpisode:
+        """Begin an episode."""
+        return TrackedEpisode(self.perception, self._write)
+
+    def embed(self, facts: Floats) -> Floats:
+        """Embed the scene of a list, as it came or as it is predicted."""
+        return self.perception.embedder.transform(self.perception.listed_scene(facts))
+
+    def to_arrays(self) -> Arrays:
+        """Return what was learned."""
+        return self.perception.to_arrays()
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Take over what was learned."""
+        self.perception.from_arrays(arrays)
+
+    def _write(self, facts: Floats) -> State:
+        if not self.planning:
+            return State(vector=self.embed(facts))
+        return State(vector=np.concatenate([self.embed(facts), facts]), facts=facts)
+
+
+class _TrackedScenes:
+    """The scenes of an episode of tracked objects."""
+
+    def __init__(self, perception: Perception) -> None:
+        self._perception = perception
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget the tracks of the episode before."""
+        self._episode = TrackedEpisode(self._perception, lambda facts: State(vector=facts))
+
+    def scene(self, observation: Observation) -> SceneGraph:
+        """Write the next observation."""
+        return self._perception.listed_scene(self._episode.facts(observation))
+
+    def to_arrays(self) -> Arrays:
+        """Return the tracks."""
+        return self._episode.to_arrays()
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on with the tracks that were saved."""
+        self._episode.from_arrays(arrays)

@@ -1,0 +1,121 @@
+"""Perception: the learned boxes of the upper line of Fig. 1.1, shared by all who look through them.
+
+frame ─ objects ─ reduced objects ─ classes ─ scene graph ─ vector
+                                       └─ tracks ─ list of what moves ─ scene graph ─ vector
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from semrl.core import Floats, Frame, Ints, Objects, SceneGraph, Tracks
+from semrl.core.arrays import Arrays, nest, unnest
+from semrl.core.memo import Memo
+from semrl.core.protocols import Persistent
+from semrl.perception.config import CLUSTERERS, EMBEDDERS, REDUCERS, PerceptionConfig, make_detector
+from semrl.perception.embedding import Scenery, build_scene_graph
+from semrl.perception.embedding.protocol import Embedder
+from semrl.perception.tracking import Roles, follow, no_tracks
+
+
+class Perception:
+    """What perception has learned, and what it makes of a frame.
+
+    Nothing here belongs to an episode: tracks go in and come out. So one perception serves any number of environments.
+
+    Parameters
+    ----------
+    config
+        Which boxes, and the parameters of each.
+    tracked
+        Whether objects are followed from decision to decision.
+    embedded
+        Whether scenes become vectors; without it no embedder is made.
+
+    Attributes
+    ----------
+    detector, reducer, clusterer, scenery, roles
+        The boxes; scenery is of single frames, roles are of tracked objects.
+    """
+
+    def __init__(self, config: PerceptionConfig, *, tracked: bool = False, embedded: bool = False) -> None:
+        self.config = config
+        self.tracked = tracked
+        self.detector = make_detector(config, tracked=tracked)
+        self.reducer = REDUCERS.make(config.reducer, config)
+        self.clusterer = CLUSTERERS.make(config.clusterer, config)
+        self.scenery = Scenery()
+        self.roles = Roles(config.roles)
+        self._embedder = EMBEDDERS.make(config.embedder, config) if embedded else None
+        self._known = Memo(self._classify, self.detector.crop_size_px**2, np.int32)  # the bits of a crop → its class
+        self._learned: tuple[object, object] | None = None
+
+    @property
+    def embedder(self) -> Embedder:
+        """What writes scenes as vectors."""
+        assert self._embedder is not None, "asked for by encoders of scenes only"
+        return self._embedder
+
+    def classes(self, objects: Objects) -> Ints:
+        """Return the class number of each object (§3.2.2); what was seen before is remembered until more is learned."""
+        if not len(objects):
+            return np.empty(0, np.int64)
+        learned = self.reducer.revision, self.clusterer.revision
+        if learned != self._learned:
+            self._known.clear()
+            self._learned = learned
+        known, places = self._known.look_up(objects.features.view(np.int32))
+        classes: Ints = known[places]
+        return classes
+
+    def begin(self) -> Tracks:
+        """Return the tracks at the beginning of an episode: none."""
+        return no_tracks(self.reducer.dimension)
+
+    def track(self, tracks: Tracks, frame: Frame) -> Tracks:
+        """Move the tracks of an episode on by one frame."""
+        objects = self.detector.detect(frame)
+        reduced = self.reducer.transform(objects.features)
+        return follow(tracks, objects, self.classes(objects), reduced, self.config.tracking)
+
+    def assign(self, tracks: Tracks) -> Tracks:
+        """Give the tracks their roles."""
+        return replace(tracks, roles=self.roles.predict(tracks))
+
+    def scene(self, frame: Frame) -> SceneGraph:
+        """Write a single frame as a scene graph (§3.2.3)."""
+        objects = self.detector.detect(frame)
+        classes = self.classes(objects)
+        shown = self.shown(classes)
+        return build_scene_graph(classes[shown], objects.centres_px[shown], self.config.scene.proximity_px)
+
+    def shown(self, classes: Ints) -> Ints:
+        """Return which objects of a frame are part of the scene: all, or all but scenery."""
+        if not self.config.scene.omit_scenery:
+            return np.arange(len(classes))
+        return np.flatnonzero(~self.scenery.is_still(classes))
+
+    def listed_scene(self, facts: Floats) -> SceneGraph:
+        """Write a list of tracked objects as a scene graph."""
+        return build_scene_graph(*self.roles.read(facts), self.config.scene.proximity_px)
+
+    def to_arrays(self) -> Arrays:
+        """Return what every box has learned."""
+        return nest(**{name: box.to_arrays() for name, box in self._boxes().items()})
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Take over what every box has learned."""
+        for name, box in self._boxes().items():
+            box.from_arrays(unnest(arrays, name))
+
+    def _boxes(self) -> dict[str, Persistent]:
+        boxes: dict[str, Persistent] = {
+            "detector": self.detector,
+            "reducer": self.reducer,
+            "clusterer": self.clusterer,
+        }
+        boxes |= {"roles": self.roles} if self.tracked else {"scenery": self.scenery}
+        return boxes | ({"embedder": self._embedder} if self._embedder else {})
+
+    def _classify(self, crops: Ints) -> Ints:
+        return self.clusterer.predict(self.reducer.transform(crops.view(np.float32)))

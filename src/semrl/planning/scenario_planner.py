@@ -1,0 +1,76 @@
+"""The thesis's planner (§3.4.3, §3.4.4): imagine scenarios, rank them against the way on the map."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from semrl.core import Moment, Plan
+from semrl.core.errors import UsageError
+from semrl.planning.protocol import Knowledge
+from semrl.planning.ranking import rank
+from semrl.planning.short_term import ShortTermConfig, action_sequences
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ScenarioPlannerConfig(ShortTermConfig):
+    """Which scenarios are imagined, and what their uncertainty counts."""
+
+    uncertainty_penalty: float = 0.0
+    """What the uncertainty of a scenario's return, the standard deviation of an ensemble, counts against it."""
+    exploration_bonus: float = 0.0
+    """How much less it counts in training episodes that the planner plays; above the penalty it is sought."""
+
+    def __post_init__(self) -> None:
+        ShortTermConfig.__post_init__(self)
+        for name in ("uncertainty_penalty", "exploration_bonus"):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise UsageError(f"scenarios.{name} must be 0 or more, not {getattr(self, name)}")
+
+
+class ScenarioPlanner:
+    """Chooses the best of many imagined sequences of actions.
+
+    Parameters
+    ----------
+    config
+        See `ScenarioPlannerConfig`.
+    n_actions
+        Number of actions.
+    discount
+        What a reward counts one decision later.
+
+    Raises
+    ------
+    UsageError
+        When all sequences are asked for and they are too many.
+    """
+
+    def __init__(self, config: ScenarioPlannerConfig, *, n_actions: int, discount: float = 1.0) -> None:
+        self.config = config
+        self.n_actions = n_actions
+        self.discount = discount
+        action_sequences(n_actions, config)  # too many are refused at once
+
+    @property
+    def depth(self) -> int:
+        """Actions of a plan."""
+        return self.config.depth
+
+    def plan(self, history: Moment, knowledge: Knowledge, *, exploring: bool = False, first: int | None = None) -> Plan:
+        """Imagine, and rank what is imagined; see `Planner.plan`."""
+        sequences = action_sequences(self.n_actions, self.config, number=history.number, proposed=history.proposed)
+        if first is not None:
+            sequences = np.column_stack([np.full(len(sequences), first), sequences[:, 1:]])
+        scenarios = knowledge.world_model.imagine(history, sequences)
+        state, previous = history.window(2)
+        before_last = scenarios.states[:, -2] if sequences.shape[1] > 1 else state[None]
+        penalty = self.config.uncertainty_penalty - (self.config.exploration_bonus if exploring else 0.0)
+        return rank(
+            scenarios,
+            knowledge.coordinates(state[None], previous[None]),
+            knowledge.coordinates(scenarios.states[:, -1], before_last),
+            knowledge.state_map,
+            knowledge.routes,
+            discount=self.discount,
+            caution=penalty,
+        )

@@ -1,0 +1,183 @@
+"""The one environment loop: training, evaluation, explanations, videos and pretraining all walk it."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from semrl.core import AgentObservation, Observation, Outcome, Sight, State
+from semrl.core.arrays import Arrays, nest, unnest
+from semrl.envs import Game
+from semrl.perception.encoders import Encoder, EpisodeEncoder
+from semrl.planning.module import PlanningModule, PlanRecord
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Step:
+    """Where an episode stands after a decision, or at its beginning.
+
+    Attributes
+    ----------
+    observation
+        What the environment shows.
+    number
+        Decisions so far.
+    action
+        The one that led here; None at the beginning.
+    reward, total
+        What it brought, and the return so far.
+    terminated, truncated
+        Whether the episode is over, and how.
+    shown
+        What an agent is shown here; None while perception learns.
+    state
+        The state behind it, likewise.
+    record
+        The plan that was made here; None where there is no planner.
+    """
+
+    observation: Observation
+    number: int = 0
+    action: int | None = None
+    reward: float = 0.0
+    total: float = 0.0
+    terminated: bool = False
+    truncated: bool = False
+    state: State | None = None
+    shown: AgentObservation | None = None
+    record: PlanRecord | None = None
+
+    @property
+    def done(self) -> bool:
+        """Whether the episode is over."""
+        return self.terminated or self.truncated
+
+
+class View(Protocol):
+    """What is made of the observations of one episode."""
+
+    def begin(self, observation: Observation) -> Step:
+        """Return the first step of an episode."""
+        ...
+
+    def follow(self, before: Step, action: int, outcome: Outcome) -> Step:
+        """Return the step after another one."""
+        ...
+
+
+def play(game: Game, view: View, choose: Callable[[Step], int], start: Step | None = None) -> Iterator[Step]:
+    """Play one episode: yield its beginning, then what every decision led to.
+
+    Parameters
+    ----------
+    game
+        Is played.
+    view
+        Makes steps of what is seen.
+    choose
+        Decides at each step that does not end the episode.
+    start
+        Where the episode goes on, when it was begun before; that step is not yielded again.
+    """
+    step = start
+    if step is None:
+        step = view.begin(game.reset())
+        yield step
+    while not step.done:
+        action = choose(step)
+        step = view.follow(step, action, game.step(action))
+        yield step
+
+
+class Frames:
+    """The view of whoever looks at frames alone, while perception learns."""
+
+    def begin(self, observation: Observation) -> Step:
+        """Return the first step of an episode."""
+        return Step(observation=observation)
+
+    def follow(self, before: Step, action: int, outcome: Outcome) -> Step:
+        """Return the step after another one."""
+        return next_step(before, action, outcome)
+
+
+class EpisodeView:
+    """Encodes every observation of one episode and, where there is a planner, plans at it.
+
+    Parameters
+    ----------
+    encoder
+        Makes the states.
+    planning
+        Makes the plans; None for models without a map. Its episode is this one.
+    exploring
+        Whether plans are to learn by.
+    learning
+        Whether the world model may learn from a reward at once.
+    """
+
+    def __init__(
+        self,
+        encoder: Encoder,
+        planning: PlanningModule | None = None,
+        *,
+        exploring: bool = False,
+        learning: bool = False,
+    ) -> None:
+        self.planning = planning
+        self.exploring = exploring
+        self.learning = learning
+        self._episode: EpisodeEncoder = encoder.begin()
+        if planning:
+            planning.begin_episode()
+
+    def begin(self, observation: Observation) -> Step:
+        """Return the first step of the episode."""
+        return self._step(Step(observation=observation), None)
+
+    def follow(self, before: Step, action: int, outcome: Outcome) -> Step:
+        """Return the step after another one."""
+        assert before.state is not None
+        if self.planning:
+            self.planning.observe(before.state.facts, action, outcome.reward)
+        return self._step(next_step(before, action, outcome), before.state)
+
+    def look(self) -> Sight:
+        """Return what was seen in the newest observation."""
+        return self._episode.look()
+
+    def to_arrays(self) -> Arrays:
+        """Return what the encoder remembers of the episode; the planning module saves its own part."""
+        return nest(encoder=self._episode.to_arrays())
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on where the episode was saved."""
+        self._episode.from_arrays(unnest(arrays, "encoder"))
+
+    def _step(self, bare: Step, before: State | None) -> Step:
+        state = self._episode.encode(bare.observation)
+        vectors = np.stack([state.vector, state.vector if before is None else before.vector])
+        record = self._plan(state, bare.reward)
+        shown = AgentObservation(vectors=vectors, **({"plan": record.features} if record else {}))
+        return replace(bare, state=state, shown=shown, record=record)
+
+    def _plan(self, state: State, reward: float) -> PlanRecord | None:
+        if self.planning is None:
+            return None
+        if self.learning and reward:
+            self.planning.update_online(state.facts)
+        return self.planning.plan_step(state.facts, exploring=self.exploring)
+
+
+def next_step(before: Step, action: int, outcome: Outcome) -> Step:
+    """Return what one decision led to, as far as the environment tells."""
+    return Step(
+        observation=outcome.observation,
+        number=before.number + 1,
+        action=action,
+        reward=outcome.reward,
+        total=before.total + outcome.reward,
+        terminated=outcome.terminated,
+        truncated=outcome.truncated,
+    )
