@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from semrl.core import Ints
 from semrl.core.arrays import Arrays
 from semrl.core.errors import DataError, UsageError
-from semrl.perception.clustering.cf_kernels import LARGEST, insert_rows, nearest_leaves, sibling_radii, usable
+from semrl.perception.clustering.cf_kernels import LARGEST, insert_rows, nearest_leaves, sibling_radii
 from semrl.perception.clustering.cf_store import (
     N_LEAVES,
     NEXT_ID,
@@ -20,6 +20,7 @@ from semrl.perception.clustering.cf_store import (
     store_from_arrays,
     store_to_arrays,
 )
+from semrl.perception.clustering.rows import checked_rows
 
 NO_LIMIT = np.iinfo(np.int64).max
 LEAST_GROWTH = 1.05  # of the threshold at a rebuilding, so that a series of them ends
@@ -142,7 +143,7 @@ class CFTree:
         DataError
             As `partial_fit`.
         """
-        X = self._checked(X)
+        X = checked_rows(X, self.n_features_in_)
         n, done = len(X), 0
         if n and not self.n_features_in_:
             self._store = self._new_store(X.shape[1], self.threshold_)
@@ -224,21 +225,10 @@ class CFTree:
         view.flags.writeable = False
         return view
 
-    def _checked(self, X: NDArray[Any]) -> NDArray[np.float64]:
-        rows = np.asarray(X)
-        if rows.ndim != 2 or rows.shape[1] == 0 or rows.dtype.kind not in "biuf":
-            raise DataError(f"expected numbers of shape (n, d), got {rows.dtype} of shape {rows.shape}")
-        if self.n_features_in_ not in (0, rows.shape[1]):
-            raise DataError(f"expected rows of {self.n_features_in_} numbers, got rows of {rows.shape[1]}")
-        rows = np.ascontiguousarray(rows, dtype=np.float64)  # (n, d)
-        if not usable(rows):
-            raise DataError(f"every number must be finite and at most {LARGEST:g} in size")
-        return rows
-
     def _query(self, X: NDArray[Any], *, exact: bool) -> Ints:
         if not self.n_leaves_:
             raise DataError("there are no leaves yet: call partial_fit first")
-        found: Ints = self._store.leaf_ids[nearest_leaves(self._store, self._checked(X), exact)]
+        found: Ints = self._store.leaf_ids[nearest_leaves(self._store, checked_rows(X, self.n_features_in_), exact)]
         return found
 
     def _insert_rows(self, rows: Features, start: int, most: int, ids: Ints) -> int:
