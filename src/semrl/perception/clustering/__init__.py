@@ -15,6 +15,10 @@ from semrl.perception.clustering.indices import (
     nearest_distance,
     silhouette,
 )
+from semrl.perception.clustering.kmeans import KMeans, KMeansConfig
+from semrl.perception.clustering.protocol import Clusterer
+from semrl.perception.clustering.som import SelfOrganisingMap, SelfOrganisingMapConfig
+from semrl.perception.clustering.svm import SVMClassifier, SVMConfig
 
 __all__ = [
     "Birch",
@@ -22,6 +26,13 @@ __all__ = [
     "CFTree",
     "CFTreeConfig",
     "ClusterIndices",
+    "Clusterer",
+    "KMeans",
+    "KMeansConfig",
+    "SVMClassifier",
+    "SVMConfig",
+    "SelfOrganisingMap",
+    "SelfOrganisingMapConfig",
     "average_between_distance",
     "average_centroid_distance",
     "average_within_distance",
