@@ -219,7 +219,8 @@ def documented_fields(config_class):
 
 def test_all_estimators_are_found():
     assert {"OtsuDetector", "ObjectPCA", "Birch", "CFTree", "Doc2VecEmbedding", "HashedEmbedding"} <= set(ESTIMATORS)
-    assert {"ForegroundDetector", "Roles"} <= set(ESTIMATORS)
+    assert {"ForegroundDetector", "KMeansDetector", "Roles"} <= set(ESTIMATORS)
+    assert {"KMeans", "SelfOrganisingMap", "SVMClassifier"} <= set(ESTIMATORS)
     assert {"StateMap", "NextStateNetwork", "RewardSVM", "RewardNetwork"} <= set(ESTIMATORS)
 
 
@@ -246,7 +247,7 @@ def test_its_configuration_is_frozen_named_and_documented(cls):
 @each_estimator
 def test_making_one_only_stores(cls):
     needed = ["config", "dimension", "n_actions"] if knows_actions(cls) else ["config"]
-    assert [name for name in inspect.signature(cls).parameters if name != "seed"] == needed
+    assert [name for name in inspect.signature(cls).parameters if name not in ("seed", "teacher")] == needed
     numpy_state, torch_state = np.random.get_state()[1].copy(), torch.random.get_rng_state()  # noqa: NPY002
     config = type(new(cls).config)()
     estimator = new(cls, config)

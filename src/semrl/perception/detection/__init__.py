@@ -3,5 +3,14 @@
 from semrl.perception.detection.foreground import ForegroundConfig, ForegroundDetector
 from semrl.perception.detection.labels import label_image
 from semrl.perception.detection.otsu import DetectionConfig, OtsuDetector
+from semrl.perception.detection.segmentation import KMeansDetector, KMeansDetectorConfig
 
-__all__ = ["DetectionConfig", "ForegroundConfig", "ForegroundDetector", "OtsuDetector", "label_image"]
+__all__ = [
+    "DetectionConfig",
+    "ForegroundConfig",
+    "ForegroundDetector",
+    "KMeansDetector",
+    "KMeansDetectorConfig",
+    "OtsuDetector",
+    "label_image",
+]
