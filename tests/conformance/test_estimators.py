@@ -21,6 +21,7 @@ import semrl.perception.detection
 import semrl.perception.embedding
 import semrl.perception.reduction
 import semrl.perception.tracking
+import semrl.planning
 import semrl.world_model
 from semrl.core import Objects, Trajectory
 from semrl.core.arrays import digest
@@ -36,6 +37,7 @@ PACKAGES = [
     semrl.perception.tracking,
     semrl.perception.embedding,
     semrl.world_model,
+    semrl.planning,
 ]
 ANSWERS = ("detect", "predict", "transform", "locate")
 DIMENSION, N_ACTIONS = 4, 3

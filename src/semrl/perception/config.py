@@ -4,9 +4,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from semrl.core.registry import Registry
-from semrl.perception.clustering import BirchConfig
+from semrl.perception.clustering import BirchConfig, KMeansConfig, SelfOrganisingMapConfig, SVMConfig
 from semrl.perception.clustering.protocol import Clusterer
-from semrl.perception.detection import DetectionConfig, ForegroundConfig
+from semrl.perception.detection import DetectionConfig, ForegroundConfig, KMeansDetectorConfig
 from semrl.perception.detection.protocol import Detector
 from semrl.perception.embedding import (
     Doc2VecConfig,
@@ -26,10 +26,19 @@ DETECTORS: Registry[Detector] = Registry(
     {
         "otsu": "semrl.perception.detection:OtsuDetector",
         "foreground": "semrl.perception.detection:ForegroundDetector",
+        "segmentation": "semrl.perception.detection:KMeansDetector",
     },
 )
 REDUCERS: Registry[Reducer] = Registry("reducers", {"pca": "semrl.perception.reduction:ObjectPCA"})
-CLUSTERERS: Registry[Clusterer] = Registry("clusterers", {"birch": "semrl.perception.clustering:Birch"})
+CLUSTERERS: Registry[Clusterer] = Registry(
+    "clusterers",
+    {
+        "birch": "semrl.perception.clustering:Birch",
+        "kmeans": "semrl.perception.clustering:KMeans",
+        "som": "semrl.perception.clustering:SelfOrganisingMap",
+        "svm": "semrl.perception.clustering:SVMClassifier",
+    },
+)
 EMBEDDERS: Registry[Embedder] = Registry(
     "embedders",
     {
@@ -47,11 +56,12 @@ class PerceptionConfig:
     """Which boxes stand between frame and state, and the parameters of each, under its name."""
 
     detector: str = "auto"
-    """How objects are found: otsu or foreground; auto: otsu in single frames, foreground where objects are tracked."""
+    """How objects are found: otsu, foreground or segmentation (k-means); auto: otsu in single frames, foreground where
+    objects are tracked."""
     reducer: str = "pca"
     """How objects are described by fewer numbers."""
     clusterer: str = "birch"
-    """How objects are grouped into classes."""
+    """How objects are grouped into classes: birch, kmeans, som (self-organising map), svm (learns from Birch)."""
     embedder: str = "doc2vec"
     """How a scene becomes a vector: the thesis's way (needs the extra 'thesis'), hashed words, places as phases
     (fractional), those and words learned as they come (online), or a plain list of objects (slots)."""
@@ -59,10 +69,18 @@ class PerceptionConfig:
     """What counts as an object in the small grey image."""
     foreground: ForegroundConfig = field(default_factory=ForegroundConfig)
     """What counts as an object at full resolution."""
+    segmentation: KMeansDetectorConfig = field(default_factory=KMeansDetectorConfig)
+    """How the small grey image is segmented."""
     pca: PCAConfig = field(default_factory=PCAConfig)
     """How objects are reduced."""
     birch: BirchConfig = field(default_factory=BirchConfig)
     """When objects are of one class."""
+    kmeans: KMeansConfig = field(default_factory=KMeansConfig)
+    """Mini-batch k-means in place of Birch."""
+    som: SelfOrganisingMapConfig = field(default_factory=SelfOrganisingMapConfig)
+    """A self-organising map in place of Birch."""
+    svm: SVMConfig = field(default_factory=SVMConfig)
+    """A support vector machine that learns Birch's classes."""
     tracking: TrackingConfig = field(default_factory=TrackingConfig)
     """Which object is which from decision to decision."""
     roles: RolesConfig = field(default_factory=RolesConfig)

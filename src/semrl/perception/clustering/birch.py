@@ -191,7 +191,7 @@ def ward_clusters(means: NDArray[np.float64], most: int) -> Ints:
     return clusters
 
 
-def match_classes(clusters: Ints, before: Ints, counts: Ints, most: int) -> Ints:
+def match_classes(clusters: Ints, before: Ints, counts: NDArray[Any], most: int) -> Ints:
     """Give each cluster a class number so that as many rows as possible keep theirs.
 
     Parameters

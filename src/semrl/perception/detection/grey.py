@@ -50,6 +50,21 @@ def to_grey(frame: Frame) -> Image:
     return shrink(lines, shares(height, IMAGE_SIZE_PX), shares(width, IMAGE_SIZE_PX))
 
 
+def as_grey(frame: Frame | Image) -> Image:
+    """Return the small grey image of a frame, or the image itself where that is given.
+
+    Raises
+    ------
+    DataError
+        When it is neither.
+    """
+    if frame.ndim == 3:
+        return to_grey(frame)
+    if frame.shape != (IMAGE_SIZE_PX, IMAGE_SIZE_PX) or frame.dtype != np.uint8:
+        raise DataError(f"expected an RGB frame or a grey image (84, 84) of uint8, got {frame.shape} of {frame.dtype}")
+    return frame
+
+
 @lru_cache(maxsize=64)
 def shares(source: int, target: int) -> Shares:
     """Divide `source` pixels among fewer `target` ones by how much they overlap."""

@@ -12,7 +12,7 @@ from semrl.core.arrays import Arrays
 from semrl.core.errors import DataError, UsageError
 from semrl.perception.detection.components import connected_components
 from semrl.perception.detection.cutting import cut_components
-from semrl.perception.detection.grey import to_grey
+from semrl.perception.detection.grey import as_grey
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +76,7 @@ class OtsuDetector:
 
     def partial_fit(self, frame: Frame | Image) -> Self:
         """Look at one more frame, RGB or the grey image ``(84, 84)`` made of it, until there are enough."""
-        image = _grey(frame)
+        image = as_grey(frame)
         if not self.is_fitted:
             threshold, _ = cv2.threshold(image, 0, 255, cv2.THRESH_OTSU)
             self._keep([*self.thresholds_, float(threshold)])
@@ -84,11 +84,11 @@ class OtsuDetector:
 
     def components(self, frame: Frame | Image) -> NDArray[np.int32]:
         """Number the connected components (8 neighbours) of the foreground, ``(84, 84)``; 0 is background."""
-        return connected_components(_grey(frame), self.threshold_).labels
+        return connected_components(as_grey(frame), self.threshold_).labels
 
     def detect(self, frame: Frame | Image) -> Objects:
         """Find the objects of a frame: its components, the large ones cut into equal parts."""
-        image = _grey(frame)
+        image = as_grey(frame)
         return cut_components(image, connected_components(image, self.threshold_), self.crop_size_px)
 
     def to_arrays(self) -> Arrays:
@@ -102,12 +102,3 @@ class OtsuDetector:
     def _keep(self, thresholds: list[float]) -> None:
         self.thresholds_ = thresholds
         self._median = float(np.median(thresholds)) if thresholds else 0.0
-
-
-def _grey(frame: Frame | Image) -> Image:
-    """Return the small grey image of a frame, or the image itself where that is given."""
-    if frame.ndim == 3:
-        return to_grey(frame)
-    if frame.shape != (IMAGE_SIZE_PX, IMAGE_SIZE_PX) or frame.dtype != np.uint8:
-        raise DataError(f"expected an RGB frame or a grey image (84, 84) of uint8, got {frame.shape} of {frame.dtype}")
-    return frame

@@ -6,11 +6,12 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from semrl.core import IMAGE_SIZE_PX, Image, Ints, Objects
+from semrl.core import IMAGE_SIZE_PX, Frame, Image, Ints, Objects
 from semrl.core.arrays import Arrays
 from semrl.core.errors import DataError, UsageError
 from semrl.perception.detection.components import Components, connected_components
 from semrl.perception.detection.cutting import cut_components
+from semrl.perception.detection.grey import as_grey
 from semrl.perception.lloyd import k_means, nearest, total
 
 _PIXELS = IMAGE_SIZE_PX**2
@@ -85,19 +86,24 @@ class KMeansDetector:
         return self.frames_ >= self.config.learning_frames
 
     @property
+    def frames_needed(self) -> int:
+        """How many frames `partial_fit` wants."""
+        return self.config.learning_frames
+
+    @property
     def crop_size_px(self) -> int:
         """Edge of the window of one object: the largest size that is not cut."""
         return int(IMAGE_SIZE_PX * self.config.max_object_share)
 
-    def partial_fit(self, image: Image) -> Self:
-        """Look at one more image, until there are enough.
+    def partial_fit(self, frame: Frame | Image) -> Self:
+        """Look at one more frame, RGB or the grey image ``(84, 84)`` made of it, until there are enough.
 
         Raises
         ------
         DataError
-            It is no grey image ``(84, 84)`` of uint8.
+            It is neither.
         """
-        _check(image)
+        image = as_grey(frame)
         if self.is_fitted:
             return self
         seen = np.concatenate([self._pixels, self._numbered(image)])
@@ -112,7 +118,7 @@ class KMeansDetector:
             self._pixels, self._counts = np.zeros(0, np.int64), np.zeros(0)
         return self
 
-    def segment(self, image: Image) -> Ints:
+    def segment(self, frame: Frame | Image) -> Ints:
         """Return the cluster of each pixel, ``(84, 84)`` int64: places in `centres_`.
 
         Raises
@@ -120,18 +126,19 @@ class KMeansDetector:
         DataError
             No image was learned from yet, or as `partial_fit`.
         """
-        _check(image)
         if not self.frames_:
             raise DataError("the detector has seen no image yet: call partial_fit first")
+        image = as_grey(frame)
         clusters: Ints = nearest(self._features(self._numbered(image)), self.centres_).reshape(image.shape)
         return clusters
 
-    def components(self, image: Image) -> NDArray[np.int32]:
+    def components(self, frame: Frame | Image) -> NDArray[np.int32]:
         """Number the connected components (8 neighbours) of each cluster, ``(84, 84)``; 0 is background."""
-        return self._components(image).labels
+        return self._components(as_grey(frame)).labels
 
-    def detect(self, image: Image) -> Objects:
-        """Find the objects of an image: components of the darkest cluster first, the large ones cut."""
+    def detect(self, frame: Frame | Image) -> Objects:
+        """Find the objects of a frame: components of the darkest cluster first, the large ones cut."""
+        image = as_grey(frame)
         return cut_components(image, self._components(image), self.crop_size_px)
 
     def to_arrays(self) -> Arrays:
@@ -201,8 +208,3 @@ def _joined(found: list[Components], shape: tuple[int, ...]) -> Components:
             [np.zeros(0, np.int32), *(each.owners + np.int32(start) for each, start in zip(found, ends, strict=False))]
         ),
     )
-
-
-def _check(image: Image) -> None:
-    if image.shape != (IMAGE_SIZE_PX, IMAGE_SIZE_PX) or image.dtype != np.uint8:
-        raise DataError(f"expected a grey image (84, 84) of uint8, got {image.shape} of {image.dtype}")
