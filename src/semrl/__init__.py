@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from semrl.envs import make_env
     from semrl.evaluation import evaluate, load_encoder
+    from semrl.semantic_env import SemanticEnv
     from semrl.training import preset, train
     from semrl.wrappers import SemanticObservation, SemanticVectorObservation
 
 __version__ = "0.1.0"
 
 _HOME = {
+    "SemanticEnv": "semrl.semantic_env",
     "SemanticObservation": "semrl.wrappers",
     "SemanticVectorObservation": "semrl.wrappers",
     "evaluate": "semrl.evaluation",
@@ -22,6 +24,7 @@ _HOME = {
 }
 
 __all__ = [
+    "SemanticEnv",
     "SemanticObservation",
     "SemanticVectorObservation",
     "evaluate",

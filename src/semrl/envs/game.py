@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from semrl.core import Ints, Observation, Outcome
+from semrl.core import Frame, Ints, Observation, Outcome
 from semrl.core.arrays import Arrays, array_to_rng, rng_to_array
 from semrl.core.errors import SemrlError
 from semrl.envs.environment import Env
@@ -98,5 +98,10 @@ class Game:
         return self._observation()
 
     def _observation(self) -> Observation:
-        ale = getattr(self.env.unwrapped, "ale", None)
-        return Observation(frame=self._frame, ram=ale.getRAM() if ale is not None else None)
+        return observation_of(self.env, self._frame)
+
+
+def observation_of(env: Env, frame: Frame) -> Observation:
+    """Return what an environment shows now: a frame and, for Atari games, the RAM."""
+    ale = getattr(env.unwrapped, "ale", None)
+    return Observation(frame=frame, ram=ale.getRAM() if ale is not None else None)

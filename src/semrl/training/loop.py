@@ -115,6 +115,8 @@ class EpisodeView:
         Whether plans are to learn by.
     learning
         Whether the world model may learn from a reward at once.
+    plans
+        Whether there is a plan at every decision; else the planning module only takes note of what happens.
     """
 
     def __init__(
@@ -124,10 +126,12 @@ class EpisodeView:
         *,
         exploring: bool = False,
         learning: bool = False,
+        plans: bool = True,
     ) -> None:
         self.planning = planning
         self.exploring = exploring
         self.learning = learning
+        self.plans = plans
         self._episode: EpisodeEncoder = encoder.begin()
         if planning:
             planning.begin_episode()
@@ -167,7 +171,7 @@ class EpisodeView:
             return None
         if self.learning and reward:
             self.planning.update_online(state.facts)
-        return self.planning.plan_step(state.facts, exploring=self.exploring)
+        return self.planning.plan_step(state.facts, exploring=self.exploring) if self.plans else None
 
 
 def next_step(before: Step, action: int, outcome: Outcome) -> Step:

@@ -13,9 +13,43 @@ from semrl.core.errors import SemrlError
 from semrl.envs import Game, Played
 from semrl.perception.encoders import Encoder
 from semrl.perception.pretraining.schedule import PretrainingSchedule
+from semrl.perception.pretraining.stability import StabilityConfig
 from semrl.perception.pretraining.stages import Stage
 from semrl.planning.module import PlanningModule
-from semrl.training.loop import EpisodeView, Frames, Step, View
+from semrl.training.loop import EpisodeView, Frames, Step, View, play
+
+
+def learn_to_see(
+    game: Game,
+    encoder: Encoder,
+    config: StabilityConfig,
+    rng: np.random.Generator,
+    planning: PlanningModule | None = None,
+) -> int:
+    """Let perception learn from random play until it is ready, at one go; return the decisions that were played.
+
+    Where play is stored, map and world model learn from it as well.
+    """
+    schedule = PretrainingSchedule(encoder.stages(config), config)
+    stored: list[Played] = []
+    decisions = 0
+
+    def learn_and_move(step: Step) -> int:
+        schedule.learn(step.observation, step.action)
+        return int(rng.integers(game.n_actions))
+
+    while schedule.current and not schedule.uses_stored_play:
+        for step in play(game, Frames(), learn_and_move):
+            decisions += step.number > 0
+            if not schedule.current or schedule.uses_stored_play:
+                break
+        if schedule.stores_play:
+            stored.append(game.played)
+    for _ in pretrain(game, schedule, stored):
+        pass
+    if planning:
+        warm_start(game, encoder, planning, stored)
+    return decisions
 
 
 def pretrain(game: Game, schedule: PretrainingSchedule, stored: Sequence[Played]) -> Iterator[Stage]:
