@@ -1,4 +1,4 @@
-"""A video of an episode: the frame with its objects, beside what the agent sees."""
+"""A video of an episode: the frame with its objects and what the planner imagines, beside what the agent sees."""
 
 import contextlib
 from collections.abc import Callable, Iterator
@@ -9,6 +9,7 @@ import av
 import cv2
 import imageio.v3 as iio
 import numpy as np
+from PIL import Image as Picture
 
 from semrl.core import IMAGE_SIZE_PX, Frame, Ints, Sight, StateSpace
 from semrl.core.errors import SemrlError, UsageError
@@ -21,6 +22,9 @@ from semrl.training.loop import Step
 VIDEO_RATE = 30
 """Decisions a second in videos: twice the speed of a game of 60 frames a second and frame skip 4."""
 MAX_VIDEO_FRAMES = 300 * VIDEO_RATE
+GIF_RATE = 15
+"""Pictures a second in a GIF, every other decision."""
+MAX_GIF_FRAMES = 12 * GIF_RATE
 
 _CODECS = ("libx264", "libopenh264", "mpeg4")  # the first that this build of FFmpeg has
 _DARK, _LIGHT = 20, (214, 218, 224)
@@ -36,13 +40,13 @@ def recorder(run: Path, video: Path | None) -> Iterator[Callable[[int, Step], No
     run
         Whose perception looks at the frames.
     video
-        An ``.mp4`` file, written whole or not at all; five minutes at most, later decisions are left out.
-        None films nothing.
+        An ``.mp4`` or ``.gif`` file, written whole or not at all; five minutes at most, twelve seconds at half the size
+        of a GIF; later decisions are left out. None films nothing.
 
     Raises
     ------
     UsageError
-        When the file is no ``.mp4`` or cannot be written, before anything is played.
+        When the file is no ``.mp4`` or ``.gif`` or cannot be written, before anything is played.
     SemrlError
         When writing fails later (full disk).
     """
@@ -51,7 +55,8 @@ def recorder(run: Path, video: Path | None) -> Iterator[Callable[[int, Step], No
         return
     temporary = _writable(video)
     try:
-        film = _Film(temporary, load_player(run).encoder)
+        kind = _Gif if video.suffix.lower() == ".gif" else _Film
+        film = kind(temporary, load_player(run).encoder)
         with contextlib.closing(film):
             yield film.on_step
         if film.n_frames:
@@ -64,8 +69,8 @@ def recorder(run: Path, video: Path | None) -> Iterator[Callable[[int, Step], No
 
 def _writable(video: Path) -> Path:
     """Check that a video can be written; return its temporary name, where an empty file now lies."""
-    if video.suffix.lower() != ".mp4":
-        raise UsageError(f"--video must name an .mp4 file, not {video}")
+    if video.suffix.lower() not in (".mp4", ".gif"):
+        raise UsageError(f"--video must name an .mp4 or .gif file, not {video}")
     if video.is_dir():
         raise UsageError(f"cannot write {video}: it is a folder")
     temporary = temporary_name(video)
@@ -89,16 +94,36 @@ class _Film:
     def on_step(self, episode: int, step: Step) -> None:
         if episode > 0 or self.n_frames >= MAX_VIDEO_FRAMES:
             return
-        picture = compose(self.encoder.space, step, look(self.episode, step.observation)[1])
+        self._add(compose(self.encoder.space, step, look(self.episode, step.observation)[1]))
+        self.n_frames += 1
+
+    def _add(self, picture: Frame) -> None:
         if self._file is None:
             self._file = iio.imopen(self.path, "w", plugin="pyav", extension=".mp4", container="mp4")
             self._file.init_video_stream(_codec(), fps=VIDEO_RATE)
         self._file.write_frame(picture)
-        self.n_frames += 1
 
     def close(self) -> None:
         if self._file is not None:
             self._file.close()
+
+
+class _Gif(_Film):
+    """A short animated picture, for pages that show no videos."""
+
+    def __init__(self, path: Path, encoder: Encoder) -> None:
+        super().__init__(path, encoder)
+        self._pictures: list[Picture.Image] = []
+
+    def _add(self, picture: Frame) -> None:
+        if self.n_frames % (VIDEO_RATE // GIF_RATE) == 0 and len(self._pictures) < MAX_GIF_FRAMES:
+            half = cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+            self._pictures.append(Picture.fromarray(half).quantize(64))
+
+    def close(self) -> None:
+        if self._pictures:
+            first, *rest = self._pictures
+            first.save(self.path, format="GIF", save_all=True, append_images=rest, duration=1000 // GIF_RATE, loop=0)
 
 
 def _codec() -> str:
@@ -112,6 +137,7 @@ def _codec() -> str:
 def compose(space: StateSpace, step: Step, sight: Sight) -> Frame:
     """Put a frame with marked objects beside what the agent is shown of it; ``(h, w, 3)`` uint8, h and w even."""
     left = _mark(step.observation.frame, sight)
+    _draw_plan(left, space, step)
     side = IMAGE_SIZE_PX * max(1, round(0.8 * left.shape[0] / IMAGE_SIZE_PX))
     right = _shown(space, step, sight, side)
     height = max(left.shape[0], side) + _LINE_PX
@@ -135,6 +161,19 @@ def _mark(frame: Frame, sight: Sight) -> Frame:
         if sight.names:
             _write(large, sight.names[i], (min(end[0] + 6, large.shape[1] - 96), top + height // 2))
     return large
+
+
+def _draw_plan(canvas: Frame, space: StateSpace, step: Step) -> None:
+    """Draw the way that the best scenario predicts for each object whose place is among the facts."""
+    if step.record is None or step.record.plan is None or space.axes is None:
+        return
+    states = np.concatenate([step.record.history.states[:1], step.record.plan.scenarios.states[0]])  # (t + 1, k)
+    for x in np.flatnonzero(space.axes[:-1] == 0)[: len(space.names)]:
+        if space.axes[x + 1] == 1 and np.ptp(states[:, x : x + 2], axis=0).any():
+            places = np.rint(states[:, x : x + 2] * (canvas.shape[1] - 1, canvas.shape[0] - 1)).astype(np.int32)
+            cv2.polylines(canvas, [places], False, _LIGHT, 1, cv2.LINE_AA)
+            for place in places[1:].tolist():
+                cv2.circle(canvas, place, 2, _LIGHT, -1, cv2.LINE_AA)
 
 
 def _shown(space: StateSpace, step: Step, sight: Sight, side: int) -> Frame:
