@@ -11,12 +11,12 @@ from semrl.core.errors import UsageError
 class DQNConfig:
     """Parameters of learning; the defaults are the thesis's (§3.3), else those of the DQN paper."""
 
-    exploration_decisions: float = 30_000.0
-    """Time constant of exploration's exponential decay: after so many decisions 1/e of its maximum is left."""
+    exploration_decisions: int = 30_000
+    """Decisions until exploration has fallen to its minimum, by a constant factor at each."""
     exploration_max: float = 1.0
     """Probability of a random action at the beginning."""
     exploration_min: float = 0.01
-    """Probability below which the decay does not fall."""
+    """Probability of a random action from then on."""
     final_exploration: float = 1.0
     """What is left of it at the end of the budget, as a share; it falls evenly through the second half.
 
@@ -89,11 +89,11 @@ class DQNConfig:
 
 
 _COUNTS = (
-    "heads", "head_decisions", "batch_size", "initial_buffer", "decisions_per_update", "n_steps",
+    "exploration_decisions", "heads", "head_decisions", "batch_size", "initial_buffer", "decisions_per_update", "n_steps",
     "target_updates",
 )  # fmt: skip
 _SHARES = (
     "exploration_min", "exploration_max", "final_exploration", "voting", "final_learning_rate", "discount",
     "reward_share", "target_rate",
 )  # fmt: skip
-_POSITIVE = ("exploration_decisions", "learning_rate", "adam_epsilon", "target_rate")
+_POSITIVE = ("learning_rate", "adam_epsilon", "target_rate")

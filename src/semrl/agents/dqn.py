@@ -1,6 +1,5 @@
 """Deep Q-learning (§3.3; Mnih et al. 2015), with the additions that proved worth it here."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -75,10 +74,11 @@ class DQN:
 
     @property
     def exploration(self) -> float:
-        """Probability that the next action is random: exponential decay from the maximum, down to the minimum."""
+        """Probability that the next action is random: exponential decay from maximum to minimum."""
         c = self.config
-        decayed = c.exploration_max * math.exp(-self.decisions_ / c.exploration_decisions)
-        return max(c.exploration_min, decayed) * self._late(c.final_exploration)
+        progress = min(1.0, self.decisions_ / c.exploration_decisions)
+        usual = float(c.exploration_max * (c.exploration_min / c.exploration_max) ** progress)
+        return usual * self._late(c.final_exploration)
 
     @property
     def learning_rate(self) -> float:
