@@ -73,8 +73,9 @@ class Registry(Generic[T]):
         point = _added(f"semrl.{self.group}")[name]
         try:
             loaded: Callable[..., T] = point.load()
-        except (ImportError, AttributeError) as error:
-            raise UsageError(f"'{name}' of the {self.group} cannot be loaded from {point.value}: {error}") from None
+        except Exception as error:  # whatever somebody else's module does when it is imported
+            why = " ".join(str(error).split()) or type(error).__name__
+            raise UsageError(f"'{name}' of the {self.group} cannot be loaded from {point.value}: {why}") from error
         return loaded
 
     def config(self, name: str, config: Any) -> Any:
@@ -83,11 +84,13 @@ class Registry(Generic[T]):
         Raises
         ------
         UsageError
-            When an option is unknown or has a wrong value.
+            When an option is unknown or has a wrong value, or the box says nothing of its parameters.
         """
         if name in self._builtin:
             return getattr(config, name)
         kind: Any = self.load(name)
+        if not hasattr(kind, "Config"):
+            raise UsageError(f"'{name}' of the {self.group} has no dataclass 'Config' of its parameters")
         try:
             return kind.Config(**config.options.get(name, {}))
         except TypeError as error:
