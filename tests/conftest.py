@@ -16,48 +16,47 @@ SETTINGS: dict[str, Any] = {
     "env": "semrl/Catch-v0",
     "decisions": 150,
     "checkpoint_seconds": 1e6,
-    "pipeline.embedding": "hashed",
-    "pipeline.hashed.dimension": 16,
-    "pipeline.detection.threshold_frames": 4,
-    "pipeline.scene.tracked": False,
-    "pipeline.scene.scenery_frames": 12,
-    "pipeline.foreground.background_frames": 12,
-    "pipeline.roles.frames": 30,
+    "perception.embedder": "hashed",
+    "perception.hashed.dimension": 16,
+    "perception.otsu.threshold_frames": 4,
+    "perception.scene.scenery_frames": 12,
+    "perception.foreground.background_frames": 12,
+    "perception.roles.frames": 30,
     "stability.batches": 4,
     "stability.decisions": 0,
     "stability.max_batches": 12,
     "stability.max_difference": 0.0,  # never reached: PCA and Birch take 12 batches each
     "stability.min_agreement": 1.0,
-    "agent.batch_size": 8,
-    "agent.initial_buffer": 20,
-    "agent.decisions_per_update": 4,
-    "agent.replay_capacity": 60,
-    "agent.network.hidden_units": [8],
-    "reasoning.models.next_state.epochs": 2,
-    "reasoning.models.next_state.hidden_units": [16],
-    "reasoning.short_term.depth": 3,
-    "reasoning.goal.parts": ["actions", "state", "reward"],
-    "reasoning.goal.decisions": 0,
+    "dqn.batch_size": 8,
+    "dqn.initial_buffer": 20,
+    "dqn.decisions_per_update": 4,
+    "dqn.replay_capacity": 60,
+    "dqn.network.hidden_units": [8],
+    "planning.networks.next_state.epochs": 2,
+    "planning.networks.next_state.hidden_units": [16],
+    "planning.scenarios.depth": 3,
+    "planning.plan_features.parts": ["actions", "state", "reward"],
+    "planning.plan_features.decisions": 0,
     "evaluation.episodes": 2,
     "evaluation.exploration": 0.0,
 }
 """Of a run that goes through all phases in a second."""
 
 BY_NETWORKS: dict[str, Any] = {
-    "reasoning.world": "models",
-    "reasoning.planner_every": 0,
-    "reasoning.short_term.scenarios": 0,
-    "reasoning.models.next_state.predict_change": True,
+    "planning.world_model": "networks",
+    "planning.planner_every": 0,
+    "planning.scenarios.scenarios": 0,
+    "planning.networks.next_state.predict_change": True,
 }
-"""Of `semantic-map` as the thesis has it, whose vectors are foreseen by networks."""
+"""Of `semantic-map` as the thesis has it, whose vectors are predicted by networks."""
 
 BY_TREES: dict[str, Any] = {
-    "reasoning.short_term.depth": 4,
-    "reasoning.short_term.scenarios": 6,
-    "reasoning.trees.first_decisions": 40,
-    "reasoning.trees.new_decisions": 30,
+    "planning.scenarios.depth": 4,
+    "planning.scenarios.scenarios": 6,
+    "planning.trees.first_decisions": 40,
+    "planning.trees.new_decisions": 30,
 }
-"""Of a map model that foresees tracked objects."""
+"""Of a map model that predicts tracked objects."""
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -69,11 +68,12 @@ def _heed_ctrl_c() -> Iterator[None]:
 
 
 def tiny(model: str = "semantic", **changes: Any) -> RunConfig:
-    """Configure a tiny run; changes are named ``agent__batch_size``."""
+    """Configure a tiny run; changes are named ``dqn__batch_size``."""
     atari = {"env": "PongNoFrameskip-v4"} if model.startswith("ram") else {}
-    foreseen = BY_NETWORKS if model == "semantic-map" else {}
+    scenes = {"encoder": "scene"} if model.startswith("semantic") else {}  # of single frames
+    predicted = BY_NETWORKS if model == "semantic-map" else {}
     nested: dict[str, Any] = {}
-    for name, value in {**SETTINGS, **atari, **foreseen, **changes}.items():
+    for name, value in {**SETTINGS, **atari, **scenes, **predicted, **changes}.items():
         *tables, key = name.replace("__", ".").split(".")
         table = nested
         for part in tables:
@@ -147,9 +147,9 @@ def map_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def tracked_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A finished run that reasons about the tracked objects of its scenes. Read only."""
+    """A finished run that plans with the tracked objects of its scenes. Read only."""
     path = tmp_path_factory.mktemp("runs") / "tracked"
-    changes = {**BY_TREES, "pipeline.scene.tracked": True, "reasoning.world": "trees", "reasoning.planner_every": 2}
+    changes = {**BY_TREES, "encoder": "tracked_scene", "planning.world_model": "trees", "planning.planner_every": 2}
     train(path, tiny("semantic-map", decisions=250, **changes))
     return path
 

@@ -7,9 +7,9 @@ from gymnasium.utils.env_checker import check_env
 
 from semrl import SemanticObservation, SemanticVectorObservation, make_env
 from semrl.core.errors import UsageError
-from semrl.evaluation import load_pipeline, load_player
-from semrl.perception.config import PipelineConfig
-from semrl.perception.pipeline import Pipeline
+from semrl.evaluation import load_encoder, load_player
+from semrl.perception.config import PerceptionConfig
+from semrl.perception.encoders import ENCODERS
 from semrl.training import train
 
 CATCH = "semrl/Catch-v0"
@@ -43,13 +43,13 @@ def test_stable_baselines3_finds_nothing_wrong(semantic_run, output):
 def test_the_vector_is_what_the_agents_network_computes_with(semantic_run):
     """Current embedding and difference, at every decision of an episode that the agent itself plays."""
     player = load_player(semantic_run)
-    env = SemanticObservation(make_env(CATCH), player.pipeline)
+    env = SemanticObservation(make_env(CATCH), player.encoder)
     seen, actions = [], []
     act = player.agent.best_action
 
-    def spy(state):
-        seen.append(np.concatenate([state[0], state[0] - state[1]]))
-        actions.append(act(state))
+    def spy(shown):
+        seen.append(np.concatenate([shown.vectors[0], shown.vectors[0] - shown.vectors[1]]))
+        actions.append(act(shown))
         return actions[-1]
 
     player.agent.best_action = spy
@@ -65,8 +65,7 @@ def test_the_vector_is_what_the_agents_network_computes_with(semantic_run):
 
 
 def test_labels_are_what_the_model_birch_sees(semantic_run):
-    pipeline = load_pipeline(semantic_run)
-    env = SemanticObservation(make_env(CATCH), pipeline, "labels")
+    env = SemanticObservation(make_env(CATCH), load_encoder(semantic_run), "labels")
     labels, _ = env.reset(seed=1)
     frame, _ = make_env(CATCH).reset(seed=1)
     grey = frame[::2, ::2].max(axis=2)  # Catch draws every pixel of the small image twice as large
@@ -94,14 +93,13 @@ def test_runs_that_did_not_learn_it_are_refused(semantic_run, baseline_run, tmp_
     with pytest.raises(UsageError, match="output must be 'vector' or 'labels', not 'vectors'"):
         SemanticObservation(env, semantic_run, "vectors")
     for output in ("vector", "labels"):
-        with pytest.raises(UsageError, match="this one sees 'grey'"):
+        need = "a vector" if output == "vector" else "objects"
+        with pytest.raises(UsageError, match=f"output '{output}' needs a run whose agent sees {need}; this one's"):
             SemanticObservation(env, baseline_run, output)
         with pytest.raises(UsageError, match="there is no run"):
             SemanticObservation(env, tmp_path / "none", output)
-    with pytest.raises(
-        UsageError, match="needs a run of one of the models semantic, semantic-map, objects, objects-map"
-    ):
-        SemanticObservation(env, Pipeline(PipelineConfig(embedding="hashed"), "classes"), "vector")
+    with pytest.raises(UsageError, match="output 'vector' needs a run whose agent sees a vector; this one's does not"):
+        SemanticObservation(env, ENCODERS.load("classes")(PerceptionConfig(embedder="hashed")), "vector")
     for decisions in (2, 6, 10):  # stopped while looking for the threshold, in PCA, in Birch
         train(tmp_path / f"short-{decisions}", tiny(decisions=decisions))
         with pytest.raises(UsageError, match="needs more decisions") if decisions < 10 else pytest.raises(UsageError):
@@ -110,21 +108,22 @@ def test_runs_that_did_not_learn_it_are_refused(semantic_run, baseline_run, tmp_
 
 def test_an_embedding_that_was_not_trained_is_refused(semantic_run):
     pytest.importorskip("gensim")
-    learned = load_pipeline(semantic_run)
-    pipeline = Pipeline(PipelineConfig(), "embedding")
-    for name in ("detector", "pca", "birch"):
-        setattr(pipeline, name, getattr(learned, name))
-    with pytest.raises(UsageError, match="learned nothing yet"):
-        SemanticObservation(make_env(CATCH), pipeline)
-    SemanticObservation(make_env(CATCH), pipeline, "labels").reset(seed=0)
+    learned = load_encoder(semantic_run)
+    encoder = ENCODERS.load("scene")(PerceptionConfig(embedder="doc2vec"))
+    for name in ("detector", "reducer", "clusterer"):
+        setattr(encoder.perception, name, getattr(learned.perception, name))
+    with pytest.raises(UsageError, match="has not learned"):
+        SemanticObservation(make_env(CATCH), encoder)
+    labels, _ = SemanticObservation(make_env(CATCH), encoder, "labels").reset(seed=0)
+    assert labels.any()
 
 
 @pytest.mark.parametrize("run", ["semantic_run", "objects_run", "tracked_run"])
 def test_several_environments_are_seen_as_each_of_them_alone(request, run):
     """Where objects are tracked, each environment has tracks of its own."""
-    pipeline = load_pipeline(request.getfixturevalue(run))
-    several = SemanticVectorObservation(gym.vector.SyncVectorEnv([raw] * 3), pipeline)
-    alone = [SemanticObservation(raw(), pipeline) for _ in range(3)]
+    encoder = load_encoder(request.getfixturevalue(run))
+    several = SemanticVectorObservation(gym.vector.SyncVectorEnv([raw] * 3), encoder)
+    alone = [SemanticObservation(raw(), encoder) for _ in range(3)]
     seen, _ = several.reset(seed=5)
     expected = [env.reset(seed=5 + i)[0] for i, env in enumerate(alone)]
     over, rng = np.zeros(3, bool), np.random.default_rng(0)
@@ -156,21 +155,22 @@ def test_tracked_scenes_are_drawn_as_labels(tracked_run):
 
 
 def test_slots_are_what_the_agent_sees_and_wrappers_share_no_tracks(objects_run):
-    """At every decision of an episode that another wrapper of the same pipeline interrupts."""
+    """At every decision of an episode that another wrapper of the same encoder interrupts."""
     player = load_player(objects_run)
-    env, other = (SemanticObservation(make_env(CATCH), player.pipeline) for _ in range(2))
+    env, other = (SemanticObservation(make_env(CATCH), player.encoder) for _ in range(2))
     other.reset(seed=3)
     game, previous = player.new_game(4), None
     steps = list(player.play(game, np.random.default_rng(0)))
     observation, _ = env.reset(seed=int(game.to_arrays()["episode_seed"]))
     for step, after in zip(steps, [*steps[1:], None], strict=True):
-        previous = step.state[0] if previous is None else previous
-        np.testing.assert_array_equal(observation, np.concatenate([step.state[0], step.state[0] - previous]))
-        previous = step.state[0]
+        current = step.state.vector
+        previous = current if previous is None else previous
+        np.testing.assert_array_equal(observation, np.concatenate([current, current - previous]))
+        previous = current
         other.step(1)
         if after is not None:
             observation, *_ = env.step(after.action)
-    assert any(step.state[0].any() for step in steps)
+    assert any(step.state.vector.any() for step in steps)
 
 
 def test_every_number_of_a_vector_has_a_name(semantic_run, objects_run, tracked_run):
@@ -178,7 +178,7 @@ def test_every_number_of_a_vector_has_a_name(semantic_run, objects_run, tracked_
         env = SemanticObservation(make_env(CATCH), run)
         names = env.feature_names
         assert len(set(names)) == len(names) == env.observation_space.shape[0]
-        assert set(load_pipeline(run).names) <= set(names)
+        assert set(load_encoder(run).space.names) <= set(names)
     assert SemanticObservation(make_env(CATCH), objects_run, "labels").feature_names == ()
     env = SemanticObservation(make_env(CATCH), objects_run)
     seen, _ = env.reset(seed=0)
@@ -192,9 +192,9 @@ def test_tracked_objects_are_drawn_as_labels_too(objects_run):
 
 
 def test_perception_of_another_game_is_refused(objects_run):
-    pipeline = load_pipeline(objects_run)
-    pipeline.rom = "breakout"
+    encoder = load_encoder(objects_run)
+    encoder.rom = "breakout"
     with pytest.raises(UsageError, match="has learned to see breakout, not pong"):
-        SemanticObservation(make_env(), pipeline)
+        SemanticObservation(make_env(), encoder)
     with pytest.raises(UsageError, match="has learned to see breakout, not pong"):
-        SemanticVectorObservation(gym.vector.SyncVectorEnv([make_env] * 2), pipeline)
+        SemanticVectorObservation(gym.vector.SyncVectorEnv([make_env] * 2), encoder)

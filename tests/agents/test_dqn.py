@@ -7,16 +7,26 @@ import pytest
 import torch
 
 from semrl.agents import DQN, DQNConfig, NetworkConfig
+from semrl.agents.devices import pick_device
 from semrl.agents.replay import Batch
+from semrl.core import AgentObservation, StateSpace
 from semrl.core.arrays import digest, unnest
 from semrl.core.errors import SemrlError, UsageError
 
 SMALL = NetworkConfig(hidden_units=(16,))
 
 
-def agent_with(seed=0, shape=(3,), n_actions=2, **settings):
+def agent_with(seed=0, shape=(3,), n_actions=2, plan_size=0, **settings):
     settings = {"network": SMALL, "replay_capacity": 200, "initial_buffer": 20, "decisions_per_update": 2, **settings}
-    return DQN(DQNConfig(**settings), shape, np.float32, n_actions, seed=seed)
+    return DQN(
+        DQNConfig(**settings), space=StateSpace(shape=shape), n_actions=n_actions, seed=seed, plan_size=plan_size
+    )
+
+
+def shown(observation, previous=None, plan=()):
+    """What an agent is shown; at the beginning of an episode there is no previous observation."""
+    vectors = np.stack([observation, observation if previous is None else previous])
+    return AgentObservation(vectors=vectors, plan=np.array(plan, np.float32))
 
 
 def live(agent, decisions, seed=0, episode=9, start=0):
@@ -24,21 +34,22 @@ def live(agent, decisions, seed=0, episode=9, start=0):
     rng = np.random.default_rng(seed)
     observations = rng.normal(size=(start + decisions + 1, *agent.replay.latest(1).shape[2:])).astype(np.float32)
     rewards = rng.integers(-3, 4, size=start + decisions)
+    plans = rng.normal(size=(start + decisions + 1, agent.replay.to_arrays()["plans"].shape[1])).astype(np.float32)
     for i in range(start, start + decisions):
         first, last = i % episode == 0, i % episode == episode - 1
-        state = np.stack([observations[i], observations[i if first else i - 1]])
-        action = agent.act(state)
+        now = shown(observations[i], None if first else observations[i - 1], plans[i])
+        action = agent.act(now)
         terminated = last and i // episode % 2 == 0
-        agent.observe(observations[i], action, float(rewards[i]), terminated=terminated, start=first)
+        agent.observe(now, action, float(rewards[i]), terminated=terminated, start=first)
         if last:
-            agent.end_episode(observations[i + 1])
+            agent.end_episode(shown(observations[i + 1], observations[i], plans[i + 1]))
     return agent
 
 
 def test_learning_rate_and_exploration_fall_through_the_second_half_of_the_budget():
     settings = {"network": SMALL, "learning_rate": 1e-3, "final_learning_rate": 0.1, "initial_buffer": 20}
     settings |= {"exploration_decisions": 10 / math.log(50), "exploration_min": 0.02, "final_exploration": 0.0}
-    agent = DQN(DQNConfig(**settings), (3,), np.float32, 2, seed=0, budget=100)
+    agent = DQN(DQNConfig(**settings), space=StateSpace(shape=(3,)), n_actions=2, seed=0, budget=100)
     rates, explored = [], []
     for i in range(11):
         rates.append(agent.learning_rate)
@@ -66,9 +77,11 @@ def one_transition(discount, seed=0, shape=(3,), reward=0.7, advised=-1):
     states, next_states = rng.normal(size=(2, 1, 2, *shape)).astype(np.float32)
     return Batch(
         states=states,
+        plans=np.zeros((1, 0), np.float32),
         actions=np.array([1]),
         returns=np.array([reward], np.float32),
         next_states=next_states,
+        next_plans=np.zeros((1, 0), np.float32),
         discounts=np.array([discount], np.float32),
         advised=np.array([advised]),
     )
@@ -76,7 +89,7 @@ def one_transition(discount, seed=0, shape=(3,), reward=0.7, advised=-1):
 
 def values(network, states):
     with torch.no_grad():
-        return network(torch.from_numpy(states)).numpy()[0].astype(float)
+        return network(torch.from_numpy(states), torch.zeros(len(states), 0)).numpy()[0].astype(float)
 
 
 def huber(error):
@@ -87,7 +100,7 @@ def unequal_networks(**settings):
     """An agent whose online and target networks prefer different actions in the next state."""
     agent = agent_with(n_actions=4, **settings)
     for seed in range(1, 100):
-        agent.load_network(unnest(agent_with(seed=seed, n_actions=4).to_arrays(), "network"))
+        agent.from_arrays(agent_with(seed=seed, n_actions=4).inference_arrays())
         online, target = (values(n, one_transition(1.0).next_states) for n in (agent.network, agent.target))
         if online.argmax() != target.argmax():
             return agent, online, target
@@ -125,11 +138,10 @@ def test_advice_is_remembered_and_comes_to_be_followed():
     best = observations.argmax(axis=1)
     for i, observation in enumerate(observations):
         advised = int(best[i]) if i % 2 else None  # half of the time there is no plan
-        agent.observe(observation, int(rng.integers(3)), 0.0, terminated=False, start=i == 0, advised=advised)
+        agent.observe(shown(observation), int(rng.integers(3)), 0.0, terminated=False, start=i == 0, advised=advised)
     for _ in range(400):
         agent.update(agent.replay.sample(rng, 32, n_steps=1, discount=0.0))
-    states = np.stack([observations, observations], axis=1)
-    assert (agent.action_values(states).argmax(axis=1) == best).mean() > 0.85
+    assert np.mean([agent.best_action(shown(o)) == b for o, b in zip(observations, best, strict=True)]) > 0.85
 
 
 def test_an_update_moves_the_value_towards_the_target():
@@ -145,8 +157,8 @@ def test_two_step_targets_reach_the_next_network_value_after_two_rewards():
     agent = agent_with(n_steps=2, discount=0.5, batch_size=64, clip_rewards=False, initial_buffer=10**6)
     observations = np.eye(3, dtype=np.float32)
     for i, reward in enumerate([1.0, 4.0]):
-        agent.observe(observations[i], 0, reward, terminated=False, start=i == 0)
-    agent.end_episode(observations[2])
+        agent.observe(shown(observations[i]), 0, reward, terminated=False, start=i == 0)
+    agent.end_episode(shown(observations[2]))
     batch = agent.replay.sample(np.random.default_rng(0), 64, n_steps=2, discount=0.5)
     first = batch.states[:, 0, 0] == 1
     assert set(batch.returns[first]) == {3.0} and set(batch.discounts[first]) == {0.25}
@@ -172,10 +184,10 @@ def test_the_thesis_settings():
 
 
 def test_exploration_decides_between_chance_and_the_best_action():
-    state = np.ones((2, 3), np.float32)
+    state = shown(np.ones(3, np.float32))
     greedy = agent_with(exploration_max=1e-12, exploration_min=1e-12, n_actions=4)
     assert {greedy.act(state) for _ in range(50)} == {greedy.best_action(state)}
-    assert greedy.best_action(state) == values(greedy.network, state[None]).argmax()
+    assert greedy.best_action(state) == values(greedy.network, state.vectors[None]).argmax()
     counts = np.bincount([agent_with(seed=s, n_actions=4).act(state) for s in range(400)], minlength=4)
     assert counts.min() > 60
 
@@ -236,9 +248,9 @@ FULL = {
 @pytest.mark.parametrize("settings", FULL.values(), ids=FULL)
 @pytest.mark.parametrize("decisions", [5, 20, 61, 400])
 def test_restored_it_goes_on_bit_for_bit(settings, decisions):
-    straight = live(agent_with(**settings), decisions)
+    straight = live(agent_with(plan_size=2, **settings), decisions)
     saved = copied(straight.to_arrays())
-    restored = agent_with(seed=9, **settings)
+    restored = agent_with(seed=9, plan_size=2, **settings)
     restored.from_arrays(saved)
     assert digest(restored.to_arrays()) == digest(saved)
     for agent in (straight, restored):
@@ -247,52 +259,101 @@ def test_restored_it_goes_on_bit_for_bit(settings, decisions):
     assert digest(straight.to_arrays()) == digest(restored.to_arrays())
 
 
+@pytest.mark.parametrize("settings", FULL.values(), ids=FULL)
+def test_of_the_weights_alone_it_plays_the_same(settings):
+    learned = live(agent_with(plan_size=2, **settings), 100)
+    player = agent_with(seed=9, plan_size=2, **settings)
+    player.from_arrays(copied(learned.inference_arrays()))
+    assert set(learned.inference_arrays()) <= set(learned.to_arrays())
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        state = shown(*rng.normal(size=(2, 3)).astype(np.float32), rng.normal(size=2))
+        np.testing.assert_array_equal(player.action_values(state), learned.action_values(state))
+        assert player.best_action(state) == learned.best_action(state)
+    assert not len(player.replay) and player.decisions_ == 0
+
+
+def test_a_plan_can_be_learned_from():
+    """The same state, and a plan that tells which action pays."""
+    agent = agent_with(plan_size=2, learning_rate=1e-2, adam_beta1=0.9, initial_buffer=10**6)
+    rng, state = np.random.default_rng(0), np.ones(3, np.float32)
+    for i in range(200):
+        told, action = np.eye(2)[i % 2], int(rng.integers(2))
+        agent.observe(shown(state, plan=told), action, float(told[action]), terminated=True, start=True)
+    for _ in range(200):
+        agent.update(agent.replay.sample(rng, 32, n_steps=1, discount=0.9))
+    assert [agent.best_action(shown(state, plan=told)) for told in np.eye(2)] == [0, 1]
+
+
+def test_the_next_plan_is_that_of_the_next_state():
+    """Its value is asked with the plan that was made there."""
+    agent = agent_with(plan_size=1, discount=0.5, target_updates=10**6, batch_size=4, initial_buffer=10**6)
+    state = np.ones(3, np.float32)
+    agent.observe(shown(state, plan=[0.25]), 1, 1.0, terminated=False, start=True)
+    agent.end_episode(shown(state, state, [4.0]))
+    with torch.no_grad():
+        now, after = torch.tensor([[[1.0] * 3] * 2]), torch.tensor([[[1.0] * 3] * 2])
+        value = agent.network(now, torch.tensor([[0.25]]))[0, 1]
+        target = 1 + 0.5 * agent.target(after, torch.tensor([[4.0]])).max()
+    agent.update(agent.replay.sample(np.random.default_rng(0), 4, n_steps=1, discount=0.5))
+    assert agent.loss_ == pytest.approx(huber(float(value - target)), rel=1e-4)
+
+
+def test_a_device_that_is_not_there_is_told():
+    missing = "mps" if torch.cuda.is_available() else "cuda"
+    with pytest.raises(UsageError, match=f"device '{missing}' is not there; this machine has cpu"):
+        pick_device(missing)
+    assert pick_device("cpu") == torch.device("cpu")
+    assert pick_device("auto").type in ("cpu", "cuda", "mps")
+
+
 def test_the_same_seed_learns_the_same():
     one, two, other = (live(agent_with(seed=s), 100) for s in (0, 0, 1))
     assert digest(one.to_arrays()) == digest(two.to_arrays()) != digest(other.to_arrays())
 
 
 def test_images_are_learned_from_as_well():
-    agent = DQN(
-        DQNConfig(replay_capacity=50, initial_buffer=10, decisions_per_update=5, batch_size=4),
-        (84, 84), np.uint8, 2, seed=0,
-    )  # fmt: skip
+    config = DQNConfig(replay_capacity=50, initial_buffer=10, decisions_per_update=5, batch_size=4)
+    images = StateSpace(shape=(84, 84), dtype=np.uint8)
+    agent = DQN(config, space=images, n_actions=2, seed=0)
     frames = np.random.default_rng(0).integers(256, size=(16, 84, 84), dtype=np.uint8)
     for i in range(15):
-        agent.observe(frames[i], i % 2, 1.0, terminated=False, start=i == 0)
+        agent.observe(shown(frames[i]), i % 2, 1.0, terminated=False, start=i == 0)
     assert agent.updates_ == 2 and np.isfinite(agent.loss_)
     saved = copied(agent.to_arrays())
-    restored = DQN(agent.config, (84, 84), np.uint8, 2, seed=5)
+    restored = DQN(config, space=images, n_actions=2, seed=5)
     restored.from_arrays(saved)
     for a in (agent, restored):
         for i in range(10):
-            a.observe(frames[i], i % 2, -1.0, terminated=False, start=False)
+            a.observe(shown(frames[i]), i % 2, -1.0, terminated=False, start=False)
     assert digest(agent.to_arrays()) == digest(restored.to_arrays())
 
 
 def test_the_normaliser_is_measured_once_on_the_initial_buffer():
     network = NetworkConfig(hidden_units=(16,), normalise_input=True)
     agent = live(agent_with(network=network, initial_buffer=50), 49)
-    assert (agent.to_arrays()["network/0.scale"] == 1).all()
+    assert (agent.to_arrays()["network/state_input.scale"] == 1).all()
     live(agent, 1, start=49)
     states = agent.replay.latest(50)
     mean = np.stack([states[:, 0], states[:, 0] - states[:, 1]], axis=1).mean(axis=0)
     for name in ("network", "target"):
-        np.testing.assert_allclose(agent.to_arrays()[f"{name}/0.mean"], mean, atol=1e-5)
-    measured = copied(unnest(agent.to_arrays(), "network"))["0.mean"]
+        np.testing.assert_allclose(agent.to_arrays()[f"{name}/state_input.mean"], mean, atol=1e-5)
+    measured = copied(unnest(agent.to_arrays(), "network"))["state_input.mean"]
     live(agent, 60, start=50)
-    np.testing.assert_array_equal(agent.to_arrays()["network/0.mean"], measured)
+    np.testing.assert_array_equal(agent.to_arrays()["network/state_input.mean"], measured)
 
 
 def test_one_head_is_followed_until_a_reward_or_for_a_while():
     agent = agent_with(heads=8, head_decisions=20, exploration_max=1e-12, exploration_min=1e-12, initial_buffer=10**6)
-    state = np.ones((2, 3), np.float32)
-    heads = np.array([agent.network(torch.ones(1, 2, 3)).detach().numpy().reshape(8, -1).argmax(axis=1)])[0]
+    state = shown(np.ones(3, np.float32))
+    heads = np.array(
+        [agent.network(torch.ones(1, 2, 3), torch.zeros(1, 0)).detach().numpy().reshape(8, -1).argmax(axis=1)]
+    )[0]
     followed = []
     for i in range(2000):
         followed.append(int(agent.to_arrays()["head"]))
         assert agent.act(state) == heads[followed[-1]]
-        agent.observe(state[0], 0, 0.0, terminated=False, start=i == 0)
+        agent.observe(state, 0, 0.0, terminated=False, start=i == 0)
     changes = (np.diff(followed) != 0).mean()
     assert changes == pytest.approx(7 / 8 / 20, rel=0.3) and set(followed) == set(range(8))
 
@@ -300,8 +361,8 @@ def test_one_head_is_followed_until_a_reward_or_for_a_while():
 def test_heads_give_way_to_their_mean_in_the_second_half():
     agent = agent_with(heads=8, voting=1.0, exploration_max=1e-12, exploration_min=1e-12, initial_buffer=10**6)
     agent.budget = 100
-    state = np.ones((2, 3), np.float32)
-    heads = agent.network(torch.ones(1, 2, 3)).detach().numpy().reshape(8, -1)
+    state = shown(np.ones(3, np.float32))
+    heads = agent.network(torch.ones(1, 2, 3), torch.zeros(1, 0)).detach().numpy().reshape(8, -1)
     agent._head = int(np.flatnonzero(heads.argmax(axis=1) != agent.best_action(state))[0])  # one that differs
     shares = []
     for agent.decisions_ in (0, 50, 75, 100):
@@ -313,10 +374,10 @@ def test_heads_give_way_to_their_mean_in_the_second_half():
 
 def test_heads_learn_their_own_values_and_play_by_their_mean():
     agent = live(agent_with(heads=5, learning_rate=1e-2), 200)
-    state = np.ones((2, 3), np.float32)
-    by_head = agent.network(torch.from_numpy(state[None])).detach().numpy().reshape(5, -1)
+    state = shown(np.ones(3, np.float32))
+    by_head = agent.network(torch.from_numpy(state.vectors[None]), torch.zeros(1, 0)).detach().numpy().reshape(5, -1)
     assert (np.ptp(by_head, axis=0) > 0).all()
-    np.testing.assert_allclose(agent.action_values(state[None])[0], by_head.mean(axis=0), rtol=1e-5)
+    np.testing.assert_allclose(agent.action_values(state), by_head.mean(axis=0), rtol=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -328,5 +389,5 @@ def test_heads_learn_their_own_values_and_play_by_their_mean():
     ],
 )  # fmt: skip
 def test_impossible_settings_are_refused(settings):
-    with pytest.raises(UsageError, match=rf"agent\.{next(iter(settings))}"):
+    with pytest.raises(UsageError, match=rf"dqn\.{next(iter(settings))}"):
         DQNConfig(**settings)

@@ -5,17 +5,26 @@ import pytest
 import torch
 from torch import nn
 
-from semrl.agents.networks import NetworkConfig, StateInput, build_network
+from semrl.agents.networks import NetworkConfig, QNetwork, StateInput
 
 IMAGE = (84, 84)
 
 
+def leaves(network):
+    """The layers in the order in which a state passes through them."""
+    return [layer for layer in network.modules() if not list(layer.children())]
+
+
 def layers(network, kind):
-    return [layer for layer in network if isinstance(layer, kind)]
+    return [layer for layer in leaves(network) if isinstance(layer, kind)]
+
+
+def no_plans(count):
+    return torch.zeros((count, 0))
 
 
 def test_images_go_through_the_layers_of_fig_3_8():
-    network = build_network(IMAGE, 2, NetworkConfig(), seed=0)
+    network = QNetwork(IMAGE, 2, NetworkConfig(), seed=0)
     convolutions = [
         (c.in_channels, c.out_channels, c.kernel_size, c.stride, c.padding) for c in layers(network, nn.Conv2d)
     ]
@@ -25,21 +34,21 @@ def test_images_go_through_the_layers_of_fig_3_8():
         (64, 64, (3, 3), (1, 1), (0, 0)),
     ]
     assert [(d.in_features, d.out_features) for d in layers(network, nn.Linear)] == [(256, 256), (256, 2)]
-    kinds = [type(layer).__name__ for layer in network]
+    kinds = [type(layer).__name__ for layer in leaves(network)]
     assert kinds == ["StateInput", *["Conv2d", "ReLU"] * 3, "Flatten", "Linear", "ReLU", "Linear"]
-    assert network(torch.zeros((5, 2, *IMAGE), dtype=torch.uint8)).shape == (5, 2)
+    assert network(torch.zeros((5, 2, *IMAGE), dtype=torch.uint8), no_plans(5)).shape == (5, 2)
 
 
 @pytest.mark.parametrize("n_actions", [2, 6])
 def test_vectors_go_through_the_dense_layer_alone(n_actions):
-    network = build_network((128,), n_actions, NetworkConfig(), seed=0)
+    network = QNetwork((128,), n_actions, NetworkConfig(), seed=0)
     assert [(d.in_features, d.out_features) for d in layers(network, nn.Linear)] == [(256, 256), (256, n_actions)]
-    assert [type(layer).__name__ for layer in network] == ["StateInput", "Flatten", "Linear", "ReLU", "Linear"]
+    assert [type(layer).__name__ for layer in leaves(network)] == ["StateInput", "Flatten", "Linear", "ReLU", "Linear"]
 
 
 def test_dense_layers_follow_the_settings():
-    network = build_network((4,), 3, NetworkConfig(hidden_units=(32, 16), layer_norm=True), seed=0)
-    kinds = [type(layer).__name__ for layer in network]
+    network = QNetwork((4,), 3, NetworkConfig(hidden_units=(32, 16), layer_norm=True), seed=0)
+    kinds = [type(layer).__name__ for layer in leaves(network)]
     assert kinds == ["StateInput", "Flatten", *["Linear", "LayerNorm", "ReLU"] * 2, "Linear"]
     assert [d.out_features for d in layers(network, nn.Linear)] == [32, 16, 3]
 
@@ -95,44 +104,54 @@ def test_images_keep_their_unit():
 @pytest.mark.parametrize("shape", [IMAGE, (8,)])
 def test_weights_follow_from_the_seed_alone(shape):
     before = torch.random.get_rng_state()
-    one = build_network(shape, 2, NetworkConfig(), seed=5)
+    one = QNetwork(shape, 2, NetworkConfig(), seed=5)
     assert torch.equal(torch.random.get_rng_state(), before)
     torch.rand(3)
-    two = build_network(shape, 2, NetworkConfig(), seed=5)
-    other = build_network(shape, 2, NetworkConfig(), seed=6)
+    two = QNetwork(shape, 2, NetworkConfig(), seed=5)
+    other = QNetwork(shape, 2, NetworkConfig(), seed=6)
     assert all(torch.equal(a, b) for a, b in zip(one.parameters(), two.parameters(), strict=True))
     assert not torch.equal(next(one.parameters()), next(other.parameters()))
 
 
 def test_measured_values_are_saved_with_the_weights_but_not_learned():
-    network = build_network((4,), 2, NetworkConfig(normalise_input=True), seed=0)
-    assert {"0.mean", "0.scale"} <= set(network.state_dict())
-    assert all(not name.startswith("0.") for name, _ in network.named_parameters())
+    network = QNetwork((4,), 2, NetworkConfig(normalise_input=True), seed=0)
+    assert {"state_input.mean", "state_input.scale"} <= set(network.state_dict())
+    assert all(not name.startswith("state_input.") for name, _ in network.named_parameters())
 
 
 def test_sines_and_cosines_stand_beside_the_numbers():
-    network = build_network((3,), 2, NetworkConfig(frequencies=2), seed=0)
-    shown = network[:2](torch.tensor([[[0.5, 1.0, -2.0], [0.5, 0.5, 0.5]]]))[0].numpy()
+    network = QNetwork((3,), 2, NetworkConfig(frequencies=2), seed=0)
+    shown = network.body(network.state_input(torch.tensor([[[0.5, 1.0, -2.0], [0.5, 0.5, 0.5]]])))[0].numpy()
     numbers = np.array([0.5, 1.0, -2.0, 0.0, 0.5, -2.5], np.float32)
     angles = np.outer(numbers, [1, 2]).ravel()
     np.testing.assert_allclose(shown, np.concatenate([numbers, np.sin(angles), np.cos(angles)]), atol=1e-6)
-    assert network[2].in_features == 30
+    assert network.dense[0].in_features == 30
 
 
-def test_a_goal_has_no_difference():
-    network = build_network((4,), 2, NetworkConfig(), seed=0, goal_size=1)
-    shown = network[0](torch.tensor([[[1.0, 2.0, 3.0, 9.0], [0.0, 1.0, 1.0, 4.0]]]))[0]
-    assert shown.tolist() == [[1, 2, 3, 9], [1, 1, 2, 0]]
+@pytest.mark.parametrize(("shape", "width"), [(IMAGE, 256), ((4,), 8)])
+def test_a_plan_stands_beside_the_state_in_front_of_the_dense_layers(shape, width):
+    network = QNetwork(shape, 2, NetworkConfig(), seed=0, plan_size=3)
+    shown = []
+    network.dense.register_forward_hook(lambda _, inputs, __: shown.append(inputs[0]))
+    plans = torch.tensor([[1.0, -7.0, 0.5], [0.0, 2.0, -0.25]])
+    network(torch.randint(256, (2, 2, *shape), dtype=torch.uint8), plans)
+    assert shown[0].shape == (2, width + 3) and network.dense[0].in_features == width + 3
+    assert torch.equal(shown[0][:, width:], plans)
 
 
-def test_a_goal_stays_as_it_is():
+def test_a_plan_stays_as_it_is():
     """While the input is measured there is none yet, so its scale is not known."""
-    network = build_network((4,), 2, NetworkConfig(normalise_input=True, frequencies=3), seed=0, goal_size=2)
-    measured = torch.randn(50, 2, 4) * 5
-    measured[:, :, 2:] = 0
-    network[0].fit(measured)
-    state = torch.tensor([[[1.0, 2.0, 1.0, -1.0], [0.0, 1.0, 0.0, 1.0]]])
-    assert network[0](state)[0, :, 2:].tolist() == [[1, -1], [0, 0]]
-    laid_out = network[:2](state)[0]
-    assert len(laid_out) == 8 + 2 * 4 * 3 == network[2].in_features  # no sines and cosines of the goal
-    assert laid_out[[2, 3]].tolist() == [1, -1]
+    network = QNetwork((4,), 2, NetworkConfig(normalise_input=True, frequencies=3), seed=0, plan_size=2)
+    network.state_input.fit(torch.randn(50, 2, 4) * 5 + 3)
+    shown = []
+    network.dense.register_forward_hook(lambda _, inputs, __: shown.append(inputs[0][0]))
+    network(torch.tensor([[[1.0, 2.0, 1.0, -1.0], [0.0, 1.0, 0.0, 1.0]]]), torch.tensor([[1.0, -1.0]]))
+    assert len(shown[0]) == 8 + 2 * 8 * 3 + 2 == network.dense[0].in_features  # no sines and cosines of the plan
+    assert shown[0][-2:].tolist() == [1, -1]
+
+
+def test_values_depend_on_the_plan():
+    network = QNetwork((4,), 2, NetworkConfig(), seed=0, plan_size=2)
+    states = torch.randn(1, 2, 4).repeat(2, 1, 1)
+    one, two = network(states, torch.tensor([[0.0, 1.0], [1.0, 0.0]]))
+    assert not torch.equal(one, two)

@@ -9,10 +9,11 @@ from semrl.agents.replay import REWARD_WINDOW, ReplayBuffer
 from semrl.core.arrays import digest
 
 DISCOUNT = 0.9
+NO_PLAN = np.zeros(0, np.float32)
 
 
 class Naive:
-    """Entries ``(episode, step, action, reward)``; an observation is its serial number."""
+    """Entries ``(episode, step, action, reward)``; an observation is its serial number, its plan that with a minus."""
 
     def __init__(self, episodes, capacity):
         self.entries = []  # (serial, action, reward, terminated, first, last)
@@ -32,9 +33,9 @@ class Naive:
     def fill(self, buffer):
         for serial, action, reward, terminated, first in self.entries:
             if action < 0:
-                buffer.end_episode(np.array([serial]))
+                buffer.end_episode(np.array([serial]), np.array([-serial]))
             else:
-                buffer.add(np.array([serial]), action, reward, terminated=terminated, start=first)
+                buffer.add(np.array([serial]), np.array([-serial]), action, reward, terminated=terminated, start=first)
 
     def drawable(self):
         return {e[0] for e in self.entries[self.oldest : self.count - 1] if e[1] >= 0}
@@ -59,7 +60,7 @@ class Naive:
 
 
 def filled(episodes, capacity):
-    naive, buffer = Naive(episodes, capacity), ReplayBuffer(capacity, (1,), np.int64)
+    naive, buffer = Naive(episodes, capacity), ReplayBuffer(capacity, (1,), np.int64, plan_size=1)
     naive.fill(buffer)
     return naive, buffer
 
@@ -68,11 +69,13 @@ def check_batch(naive, batch, n_steps):
     for i, (serial, _) in enumerate(batch.states[:, :, 0]):
         state, action, total, next_state, discount = naive.transition(serial, n_steps)
         assert batch.states[i, :, 0].tolist() == state
+        assert batch.plans[i].tolist() == [-serial]
         assert batch.actions[i] == action
         assert batch.returns[i] == pytest.approx(total, abs=1e-4)
         assert batch.discounts[i] == pytest.approx(discount, abs=1e-6)
         if next_state is not None:
             assert batch.next_states[i, :, 0].tolist() == next_state
+            assert batch.next_plans[i].tolist() == [-next_state[0]]
 
 
 endings = st.sampled_from(["terminated", "truncated"])
@@ -128,7 +131,7 @@ def test_the_latest_after_the_ring_went_round():
 def rewarded_buffer(capacity=2000, rewards=(500, 1200), length=1500):
     buffer = ReplayBuffer(capacity, (1,), np.int64)
     for i in range(length):
-        buffer.add(np.array([i]), 0, float(i in rewards), terminated=False, start=i == 0)
+        buffer.add(np.array([i]), NO_PLAN, 0, float(i in rewards), terminated=False, start=i == 0)
     return buffer
 
 
@@ -163,7 +166,7 @@ def test_every_frame_is_stored_once():
     stored = sum(v.nbytes for v in vars(buffer).values() if isinstance(v, np.ndarray))
     assert stored <= capacity * (84 * 84 + 16)
     frame = np.random.default_rng(0).integers(256, size=shape, dtype=np.uint8)
-    buffer.add(frame, 1, 0.0, terminated=False, start=True)
+    buffer.add(frame, NO_PLAN, 1, 0.0, terminated=False, start=True)
     kept = frame.copy()
     frame[:] = 0  # what is stored is a copy
     np.testing.assert_array_equal(buffer.latest(1)[0, 0], kept)
@@ -174,7 +177,7 @@ def test_restored_it_draws_the_same(length):
     _, buffer = filled([(10, "terminated"), (length, "running")], 40)
     saved = {name: array.copy() for name, array in buffer.to_arrays().items()}
     assert len(saved["observations"]) == len(buffer)
-    restored = ReplayBuffer(40, (1,), np.int64)
+    restored = ReplayBuffer(40, (1,), np.int64, plan_size=1)
     Naive([(80, "running")], 40).fill(restored)  # used before
     restored.from_arrays(saved)
     assert digest(restored.to_arrays()) == digest(saved)
@@ -183,7 +186,7 @@ def test_restored_it_draws_the_same(length):
             b.sample(np.random.default_rng(1), 50, n_steps=3, discount=DISCOUNT, reward_share=0.5)
             for b in (buffer, restored)
         )
-        for name in ("states", "actions", "returns", "next_states", "discounts"):
+        for name in ("states", "plans", "actions", "returns", "next_states", "next_plans", "discounts"):
             np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
         for b in (buffer, restored):
-            b.add(np.array([1000]), 1, 1.0, terminated=False, start=False)
+            b.add(np.array([1000]), np.array([7]), 1, 1.0, terminated=False, start=False)

@@ -55,7 +55,8 @@ def discover():
 
 def is_estimator(cls):
     can_learn = hasattr(cls, "partial_fit") or hasattr(cls, "fit")
-    return can_learn and any(hasattr(cls, name) for name in ANSWERS) and not cls.__name__.startswith("_")
+    is_public = not cls.__name__.startswith("_") and not getattr(cls, "_is_protocol", False)
+    return is_public and can_learn and any(hasattr(cls, name) for name in ANSWERS)
 
 
 def follows(cls):
@@ -109,7 +110,7 @@ def images(seed):
     for image in shown:
         for row, column in rng.integers(4, 70, size=(6, 2)):
             image[row : row + rng.integers(1, 12), column : column + rng.integers(1, 12)] = 200
-    return list(shown)
+    return list(np.repeat(shown[..., None], 3, axis=3))  # RGB
 
 
 def rows(seed):
@@ -249,7 +250,8 @@ def test_its_configuration_is_frozen_named_and_documented(cls):
 @each_estimator
 def test_making_one_only_stores(cls):
     needed = ["config", "dimension", "n_actions"] if knows_actions(cls) else ["config"]
-    assert [name for name in inspect.signature(cls).parameters if name not in ("seed", "teacher")] == needed
+    optional = ("seed", "teacher", "changes")
+    assert [name for name in inspect.signature(cls).parameters if name not in optional] == needed
     numpy_state, torch_state = np.random.get_state()[1].copy(), torch.random.get_rng_state()  # noqa: NPY002
     config = type(new(cls).config)()
     estimator = new(cls, config)

@@ -27,10 +27,10 @@ json_values = st.recursive(
 
 def test_nesting_and_back():
     inner = nest(pca={"mean": np.ones(3)}, pca2={"mean": np.zeros(2)})
-    outer = nest(pipeline=inner, pipe={"mean": np.full(1, 7)})
-    assert set(outer) == {"pipeline/pca/mean", "pipeline/pca2/mean", "pipe/mean"}
-    assert unnest(unnest(outer, "pipeline"), "pca")["mean"].tolist() == [1, 1, 1]
-    assert digest(unnest(outer, "pipeline")) == digest(inner)
+    outer = nest(encoder=inner, pipe={"mean": np.full(1, 7)})
+    assert set(outer) == {"encoder/pca/mean", "encoder/pca2/mean", "pipe/mean"}
+    assert unnest(unnest(outer, "encoder"), "pca")["mean"].tolist() == [1, 1, 1]
+    assert digest(unnest(outer, "encoder")) == digest(inner)
     assert unnest(outer, "pip") == {}
 
 

@@ -49,8 +49,9 @@ def test_it_is_the_decision_that_an_evaluation_takes(map_run, policy):
         assert told.deed.action == getattr(told.deed, policy) and not told.deed.by_chance
         assert told.return_so_far == steps[k].total
         np.testing.assert_array_equal(told.frame, steps[k].observation.frame)
-        np.testing.assert_array_equal(told.sight.boxes_px, look(player.pipeline, steps[k].observation).boxes_px)
-        values = player.agent.action_values(steps[k].state[None])[0]
+        _, sight = look(player.encoder.begin(), steps[k].observation)
+        np.testing.assert_array_equal(told.sight.boxes_px, sight.boxes_px)
+        values = player.agent.action_values(steps[k].shown)
         assert list(told.deed.values) == list(NAMES)
         np.testing.assert_allclose(list(told.deed.values.values()), values, rtol=1e-5)
         assert told.deed.agent == NAMES[values.argmax()]
@@ -66,12 +67,12 @@ def test_chance_is_told(hasty_run):
 
 def test_the_place_and_the_path_are_those_of_the_map(map_run):
     player, steps = played(map_run)
-    graph, routes = player.reasoner.state_map.graph_, player.reasoner.routes
+    graph, routes = player.planning.state_map.graph_, player.planning.routes
     edges = {int(number): i for i, number in enumerate(graph.edge_ids)}
     lengths = set()
     for k in range(0, len(steps) - 1, 4):
         told = explain(map_run, episode=1, step=k)
-        node = steps[k].thought.plan.node
+        node = steps[k].record.plan.node
         assert told.place.node == graph.node_ids[node] and told.place.states == graph.node_counts[node]
         assert told.place.is_goal == routes.goals[node]
         lengths.add(len(told.path))
@@ -95,7 +96,7 @@ def test_scenarios_are_sorted_and_those_of_the_planner(map_run):
     _, steps = played(map_run)
     for k in STEPS:
         told = explain(map_run, episode=1, step=k)
-        plan = steps[k].thought.plan
+        plan = steps[k].record.plan
         returns = [scenario.predicted_return for scenario in told.scenarios]
         assert returns == sorted(returns, reverse=True) == plan.returns[:5].tolist()
         assert told.n_scenarios == 2**HORIZON and [scenario.rank for scenario in told.scenarios] == [1, 2, 3, 4, 5]
@@ -117,7 +118,7 @@ def test_what_the_other_action_would_bring_is_told(map_run):
     """All scenarios are compared here, so those that begin with it are among them."""
     _, steps = played(map_run)
     for k in STEPS:
-        told, plan = explain(map_run, episode=1, step=k), steps[k].thought.plan
+        told, plan = explain(map_run, episode=1, step=k), steps[k].record.plan
         (other,) = told.otherwise
         begins = plan.scenarios.actions[:, 0] == NAMES.index(other.actions[0])
         assert other.actions[0] != told.scenarios[0].actions[0] and other.predicted_return == plan.returns[begins].max()
@@ -134,14 +135,14 @@ def test_equal_scenarios_are_told_once(tracked_run):
         assert ranks == sorted(ranks) and ranks[0] == 1
 
 
-def test_the_goal_is_what_the_agent_was_shown(map_run):
+def test_the_plan_features_are_what_the_agent_was_shown(map_run):
     player, steps = played(map_run)
     told = explain(map_run, episode=1, step=6)
-    assert [part.part for part in told.goal] == ["actions", "state", "reward"]
-    shown = [number for part in told.goal for number in part.numbers]
-    assert shown == steps[6].state[0, player.reasoner.facts.stop :].tolist()
-    assert told.goal[0].names == told.scenarios[0].actions
-    assert told.goal[2].numbers == (told.scenarios[0].predicted_return,)
+    assert [part.part for part in told.plan_features] == ["actions", "state", "reward"]
+    shown = [number for part in told.plan_features for number in part.numbers]
+    assert shown == steps[6].shown.plan.tolist() and len(shown) == player.planning.plan_size
+    assert told.plan_features[0].names == told.scenarios[0].actions
+    assert told.plan_features[2].numbers == (told.scenarios[0].predicted_return,)
 
 
 def test_what_came_is_what_was_played(map_run):
@@ -153,7 +154,7 @@ def test_what_came_is_what_was_played(map_run):
         assert came.actions == tuple(NAMES[action] for action in actions)
         assert came.rewards == tuple(b.total - a.total for a, b in pairwise(after))
         assert came.ended == (k + HORIZON >= len(steps) - 1)
-        scenarios = steps[k].thought.plan.scenarios
+        scenarios = steps[k].record.plan.scenarios
         same = (scenarios.actions == actions).all(axis=1)  # every sequence of actions is among them
         assert came.foreseen == tuple(scenarios.rewards[same][0].tolist())
 
@@ -188,8 +189,21 @@ def test_the_numbers_of_a_ram_model_have_names(ram_map_run):
     assert list(told.features) == ["player_y", "enemy_y", "ball_x", "ball_y"]
     coordinates = ram_features("pong", steps[9].observation.ram)
     assert list(told.features.values()) == pytest.approx((255 * coordinates).tolist())  # as the rules tell them
-    assert told.goal[1].names == tuple(told.features)
+    assert told.plan_features[1].names == tuple(told.features)
     assert told.to_json()["objects"] == []
+
+
+def test_tracked_objects_are_drawn_with_the_names_they_have_in_the_episode(tracked_run):
+    """Tracks are those of the whole episode up to the decision."""
+    player, steps = played(tracked_run, 0)
+    episode = player.encoder.begin()
+    for step in steps[:21]:
+        episode.encode(step.observation)
+    told = explain(tracked_run, episode=0, step=20)
+    assert told.sight.names == episode.look().names and told.sight.names
+    np.testing.assert_array_equal(told.sight.boxes_px, episode.look().boxes_px)
+    facts = steps[20].state.facts[: len(told.features)] / np.float32(0.01)
+    assert list(told.features.values()) == pytest.approx(facts.tolist())
 
 
 def test_another_seed_is_another_game(map_run):

@@ -48,9 +48,19 @@ def test_the_map_is_measured_after_each_episode_and_only_then(map_run):
     assert all(value > 0 for value in seconds)
 
 
+def test_of_training_episodes_so_many_are_played_by_the_planner(tracked_run):
+    _, episodes = rows_of(tracked_run)
+    policies = [row["policy"] for row in episodes]
+    assert policies == [("agent", "planner")[i % 2] for i in range(len(episodes))] and "planner" in policies
+    result = RunFolder.open(tracked_run).manifest()["result"]
+    assert result["episodes"] == policies.count("agent")  # what the planner earned is not the agent's
+    own = [float(row["return"]) for row in episodes if row["policy"] == "agent"]
+    assert result["return_mean_last10"] == pytest.approx(np.mean(own[-10:]))
+
+
 def test_models_without_a_map_measure_none(semantic_run):
     _, episodes = rows_of(semantic_run)
-    assert episodes and all(row[name] == "" for row in episodes for name in MAP_COLUMNS)
+    assert episodes and not any(row.get(name) for row in episodes for name in MAP_COLUMNS)
 
 
 def test_the_map_can_be_looked_at(map_run):
@@ -66,17 +76,18 @@ def test_the_map_can_be_looked_at(map_run):
 
 
 def test_a_finished_run_plans_as_it_would_have(map_run):
-    """What is kept of a finished run is enough: the goal stands beside the state, and the planner's choice is it."""
+    """What is kept of a finished run is enough: the plan stands beside the state, and the planner's choice is it."""
     player = load_player(map_run)
-    reasoner, shape = player.reasoner, player.pipeline.shape
+    planning, shape = player.planning, player.encoder.space.shape
     steps = list(player.episode(0, 1, "planner"))
     assert len(steps) == EPISODE_DECISIONS + 1
-    assert steps[0].state.shape == (2, shape[0] + reasoner.goal_size)
+    assert steps[0].shown.vectors.shape == (2, *shape) and steps[0].shown.plan.shape == (planning.plan_size,)
     for before, step in pairwise(steps):
-        encoded = before.state[:, : shape[0]]
-        np.testing.assert_array_equal(encoded[0], player.pipeline.encode(before.observation))
-        np.testing.assert_array_equal(before.state[0, shape[0] :], reasoner.goal(before.thought.plan))
-        assert step.action == reasoner.plan(before.thought.moment).actions[0] == before.thought.plan.actions[0]
+        vectors, plan = before.shown.vectors, before.record.plan
+        np.testing.assert_array_equal(vectors[0], player.encoder.begin().encode(before.observation).vector)
+        np.testing.assert_array_equal(step.shown.vectors[1], vectors[0])
+        np.testing.assert_array_equal(before.shown.plan, planning.grounder.ground(plan))
+        assert step.action == planning.plan(before.record.history).actions[0] == plan.actions[0]
 
 
 def test_the_planner_plays_and_leaves_the_agents_result_alone(own_run):
@@ -116,12 +127,12 @@ def test_playing_by_plans_learns_nothing(own_run):
 
 def test_what_a_finished_run_keeps_is_enough_to_learn_from_further_play(tracked_run):
     player = load_player(tracked_run, memory=True)
-    assert not len(load_player(tracked_run).reasoner.world.experience)
-    seen = player.reasoner.world.seen_
-    assert len(player.reasoner.world.experience) == seen > 0
+    assert not len(load_player(tracked_run).planning.world_model.experience)
+    seen = player.planning.world_model.seen_
+    assert len(player.planning.world_model.experience) == seen > 0
     *steps, last = player.episode(0, 3, "planner")
-    player.reasoner.end_episode(last.state[0])
-    assert player.reasoner.world.seen_ == seen + len(steps)
+    player.planning.end_episode(last.state.facts)
+    assert player.planning.world_model.seen_ == seen + len(steps)
 
 
 def test_without_a_map_the_planner_cannot_play(semantic_run):
@@ -131,23 +142,23 @@ def test_without_a_map_the_planner_cannot_play(semantic_run):
     assert not (semantic_run / "evaluation-planner.json").exists()
 
 
-def test_without_foresight_there_are_no_plans_to_tell_of(tmp_path, tracked_run):
+def test_without_predictions_there_are_no_plans_to_tell_of(tmp_path, tracked_run):
     run = tmp_path / "early"
     config = RunFolder.open(tracked_run).config()
-    trees = replace(config.reasoning.trees, first_decisions=10_000)
-    train(run, replace(config, reasoning=replace(config.reasoning, trees=trees)))
+    trees = replace(config.planning.trees, first_decisions=10_000)
+    train(run, replace(config, planning=replace(config.planning, trees=trees)))
     assert len(load_map(run).graph)
     asked = (
         lambda: evaluate(run, policy="planner"), lambda: explain(run, episode=0, step=0), lambda: foresight(run),
         lambda: load_rules(run),
     )  # fmt: skip
     for ask in asked:
-        with pytest.raises(UsageError, match="early cannot foresee anything yet, so there are no plans: it needs more"):
+        with pytest.raises(UsageError, match="early cannot predict anything yet, so there are no plans: it needs more"):
             ask()
 
 
 def test_the_map_is_empty_until_the_first_episode_is_over(tmp_path, tiny):
-    perceived = 4 + 12 + 12 + 12  # threshold, PCA, Birch, scenery; a run stops a decision after the signal
+    perceived = 4 + 12 + 12 + 12  # detection, reduction, clustering, scenery; a run stops a decision after the signal
     run = stopped(tmp_path / "early", tiny("semantic-map"), perceived + EPISODE_DECISIONS - 2)
     for ask in (lambda: evaluate(run, policy="planner"), lambda: load_map(run)):
         with pytest.raises(UsageError, match="still empty: it is drawn after the agent's first episode"):
@@ -185,19 +196,19 @@ def test_ram_models_have_maps_too(tmp_path, tiny):
     """An episode of Pong is long: without one, all is wired and the map still empty."""
     train(tmp_path / "run", tiny("ram-map", decisions=50))
     player = load_player(tmp_path / "run")
-    assert player.reasoner.dimension == player.pipeline.shape[0] == 4
+    assert player.planning.dimension == player.encoder.space.n_facts == 4
     with pytest.raises(UsageError, match="still empty"):
         load_map(tmp_path / "run")
 
 
-@pytest.mark.parametrize("setting", [{"reasoning__short_term__depth": 20}])
+@pytest.mark.parametrize("setting", [{"planning__scenarios__depth": 20}])
 def test_too_many_scenarios_are_told_before_anything_is_written(tmp_path, tiny, setting):
-    with pytest.raises(UsageError, match=r"short_term\.depth"):
+    with pytest.raises(UsageError, match=r"scenarios\.depth"):
         train(tmp_path / "run", tiny("semantic-map", **setting))
     assert not (tmp_path / "run").exists()
 
 
 def test_a_model_that_diverges_is_told(tmp_path, tiny):
     with pytest.raises(SemrlError, match="diverged: try a smaller learning rate"):
-        train(tmp_path / "run", tiny("semantic-map", reasoning__models__next_state__learning_rate=1e30))
+        train(tmp_path / "run", tiny("semantic-map", planning__networks__next_state__learning_rate=1e30))
     assert RunFolder.open(tmp_path / "run").manifest()["status"] == "failed"

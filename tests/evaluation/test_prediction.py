@@ -22,8 +22,8 @@ def test_it_is_what_scikit_learn_says_of_the_same_play(map_run):
     for number in range(2):
         steps = list(player.episode(number, player.config.seed + EVALUATION_SEED))
         for before, after in pairwise(steps):
-            scenario = player.reasoner.world.imagine(before.thought.moment, np.array([[after.action]]))
-            came.append(after.state[0, player.reasoner.facts])
+            scenario = player.planning.world_model.imagine(before.record.history, np.array([[after.action]]))
+            came.append(after.state.facts)
             foreseen.append(scenario.states[0, 0])
             rewards.append(int(np.sign(after.total - before.total)))
             guesses.append(int(scenario.rewards[0, 0]))
@@ -41,9 +41,9 @@ def test_where_objects_are_foreseen_so_are_the_vectors_of_their_scenes(tracked_r
     for number in range(2):
         steps = list(player.episode(number, player.config.seed + EVALUATION_SEED))
         for before, after in pairwise(steps):
-            scenario = player.reasoner.world.imagine(before.thought.moment, np.array([[after.action]]))
-            came.append(after.state[0, : player.pipeline.facts.start])
-            foreseen.append(player.pipeline.embed(scenario.states[0, 0]))
+            scenario = player.planning.world_model.imagine(before.record.history, np.array([[after.action]]))
+            came.append(after.state.vector[: player.encoder.perception.embedder.dimension])
+            foreseen.append(player.encoder.embed(scenario.states[0, 0]))
     assert told.explained_vectors[1] == pytest.approx(
         r2_score(came, foreseen, multioutput="variance_weighted"), abs=1e-6
     )

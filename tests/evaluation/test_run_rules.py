@@ -23,7 +23,7 @@ def test_every_number_of_the_state_and_the_reward_have_rules(ram_map_run):
 
 
 def test_networks_have_no_rules_to_read(map_run, semantic_run):
-    with pytest.raises(UsageError, match="foresees by networks"):
+    with pytest.raises(UsageError, match="predicts by 'networks', which has no rules to read"):
         load_rules(map_run)
     with pytest.raises(UsageError, match="has no map"):
         load_rules(semantic_run)

@@ -9,7 +9,7 @@ from stopping import stopped
 from semrl.core.arrays import unnest
 from semrl.core.errors import SemrlError, UsageError
 from semrl.envs import Game, make_env
-from semrl.evaluation import evaluate, load_pipeline, load_player
+from semrl.evaluation import evaluate, load_encoder, load_player
 from semrl.evaluation.scores import EVALUATION_SEED
 from semrl.training import RunFolder, train
 from semrl.training.session import build_trainer
@@ -42,20 +42,22 @@ def test_returns_are_the_sums_of_the_rewards_of_greedy_play(semantic_run):
     config = RunFolder.open(semantic_run).config()
     trainer = build_trainer(config)
     saved = RunFolder.open(semantic_run).load().arrays
-    trainer.pipeline.from_arrays(unnest(saved, "pipeline"))
-    trainer.agent.load_network(unnest(saved, "agent/network"))
+    trainer.encoder.from_arrays(unnest(saved, "encoder"))
+    weights = unnest(saved, "agent/network")
+    trainer.agent.network.load_state_dict({name: torch.from_numpy(value) for name, value in weights.items()})
+    episode_of = trainer.encoder.begin  # single frames
     returns = []
     for episode in range(3):
         seed = int(np.random.default_rng([9, episode]).integers(2**31))
         game = Game(make_env(config.env, config.environment), seed)
-        now = before = trainer.pipeline.encode(game.reset())
+        now = before = episode_of().encode(game.reset()).vector
         rewards, done = [], False
         while not done:
             with torch.no_grad():
-                values = trainer.agent.network(torch.from_numpy(np.stack([now, before])[None]))
-            values = values.reshape(config.agent.heads, game.n_actions).mean(axis=0)
+                values = trainer.agent.network(torch.from_numpy(np.stack([now, before])[None]), torch.zeros(1, 0))
+            values = values.reshape(config.dqn.heads, game.n_actions).mean(axis=0)
             outcome = game.step(int(values.argmax()))
-            now, before = trainer.pipeline.encode(outcome.observation), now
+            now, before = episode_of().encode(outcome.observation).vector, now
             rewards.append(outcome.reward)
             done = outcome.done
         returns.append(sum(rewards))
@@ -79,6 +81,16 @@ def test_playing_changes_nothing_that_was_learned(semantic_run):
     before = [path.read_bytes() for path in sorted((semantic_run / "checkpoints").iterdir())]
     evaluate(semantic_run, episodes=1)
     assert [path.read_bytes() for path in sorted((semantic_run / "checkpoints").iterdir())] == before
+
+
+def test_a_player_loads_what_play_needs_and_no_more(semantic_run, tracked_run, tmp_path, tiny):
+    for run in (semantic_run, tracked_run, stopped(tmp_path / "half", tiny("semantic-map"), 100)):
+        folder, player = RunFolder.open(run), load_player(run)
+        whole, loaded = folder.load(), folder.load(play_only=True)
+        assert loaded.arrays.keys() == whole.playable <= whole.arrays.keys()
+        assert not any("replay" in name or "experience" in name or "optimiser" in name for name in loaded.arrays)
+        assert not len(player.agent.replay) and player.agent.replay.capacity == player.config.dqn.n_steps + 1
+        assert player.decisions == int(whole.arrays["decisions"]) and not player.perceiving
 
 
 def test_exploring_play_is_another_play(semantic_run, monkeypatch):
@@ -133,7 +145,7 @@ def test_checkpoints_that_do_not_fit_are_told(tmp_path, tiny, baseline_run):
         RunFolder.open(baseline_run).checkpoints()[-1].read_bytes()
     )
     with pytest.raises(SemrlError, match="does not fit its configuration"):
-        load_pipeline(run.path)
+        load_encoder(run.path)
 
 
 def test_a_milestone_plays_as_the_run_did_then(tmp_path, tiny):

@@ -1,3 +1,5 @@
+import shutil
+from dataclasses import replace
 from types import SimpleNamespace
 
 import imageio.v3 as iio
@@ -5,18 +7,22 @@ import numpy as np
 import pytest
 
 from semrl.cli.report import main as report
-from semrl.core import Observation
+from semrl.core import AgentObservation, Observation, State
 from semrl.core.arrays import array_to_json, arrays_to_ragged, unnest
 from semrl.core.errors import UsageError
 from semrl.core.files import read_arrays
-from semrl.evaluation.player import Step, load_player
+from semrl.evaluation import gallery, sight
+from semrl.evaluation import video as filming
+from semrl.evaluation.player import load_player
 from semrl.evaluation.sight import CLASS_COLOURS
-from semrl.perception.config import PipelineConfig
+from semrl.perception.config import PerceptionConfig
 from semrl.perception.detection import DetectionConfig
 from semrl.perception.detection.grey import to_grey
-from semrl.perception.pipeline import Pipeline
-from semrl.training import gallery, recording, sight, train
+from semrl.perception.encoders import ENCODERS
+from semrl.report import write_report
+from semrl.training import train
 from semrl.training.config import from_dict
+from semrl.training.loop import Step
 
 
 def frame_with_ball(row, column):
@@ -29,27 +35,28 @@ def frame_with_ball(row, column):
 def step(i=0, ram=None):
     return Step(
         observation=Observation(frame=frame_with_ball(20 + i, 30), ram=ram),
+        number=i,
         total=float(-i),
-        state=np.zeros((2, 4), np.float32),
-        action=None,
+        state=State(vector=np.zeros(4, np.float32), facts=np.zeros(4, np.float32)),
+        shown=AgentObservation(vectors=np.zeros((2, 4), np.float32)),
     )
 
 
 @pytest.fixture
 def otsu():
-    pipeline = Pipeline(PipelineConfig(detection=DetectionConfig(threshold_frames=1)), "components")
-    pipeline.detector.partial_fit(to_grey(frame_with_ball(20, 30)))
-    return pipeline
+    encoder = ENCODERS.load("components")(PerceptionConfig(otsu=DetectionConfig(threshold_frames=1)))
+    encoder.perception.detector.partial_fit(frame_with_ball(20, 30))
+    return encoder
 
 
 @pytest.fixture
 def player(otsu, monkeypatch):
-    monkeypatch.setattr(recording, "load_player", lambda run: SimpleNamespace(pipeline=otsu))
+    monkeypatch.setattr(filming, "load_player", lambda run: SimpleNamespace(encoder=otsu))
 
 
 def test_a_film_reads_back_with_its_frames(tmp_path, player):
     video = tmp_path / "film.mp4"
-    with recording.recorder(tmp_path, video) as on_step:
+    with filming.recorder(tmp_path, video) as on_step:
         for i in range(12):
             on_step(0, step(i))
         on_step(1, step())
@@ -61,16 +68,16 @@ def test_a_film_reads_back_with_its_frames(tmp_path, player):
 
 
 def test_films_end_after_a_minute(tmp_path, player, monkeypatch):
-    monkeypatch.setattr(recording, "MAX_VIDEO_FRAMES", 5)
-    with recording.recorder(tmp_path, tmp_path / "film.mp4") as on_step:
+    monkeypatch.setattr(filming, "MAX_VIDEO_FRAMES", 5)
+    with filming.recorder(tmp_path, tmp_path / "film.mp4") as on_step:
         for i in range(9):
             on_step(0, step(i))
     assert len(iio.imread(tmp_path / "film.mp4", plugin="pyav")) == 5
 
 
 def test_no_video_costs_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr(recording, "load_player", None)
-    with recording.recorder(tmp_path, None) as on_step:
+    monkeypatch.setattr(filming, "load_player", None)
+    with filming.recorder(tmp_path, None) as on_step:
         on_step(0, step())
     assert list(tmp_path.iterdir()) == []
 
@@ -80,7 +87,7 @@ def test_no_video_costs_nothing(tmp_path, monkeypatch):
 def test_an_interrupted_film_leaves_the_old_one(tmp_path, player, error, frames):
     video = tmp_path / "film.mp4"
     video.write_bytes(b"old")
-    with pytest.raises(error), recording.recorder(tmp_path, video) as on_step:
+    with pytest.raises(error), filming.recorder(tmp_path, video) as on_step:
         for i in range(frames):
             on_step(0, step(i))
         raise error
@@ -90,27 +97,32 @@ def test_an_interrupted_film_leaves_the_old_one(tmp_path, player, error, frames)
 
 @pytest.mark.parametrize("name", ["film.gif", "film", "nowhere/film.mp4", "folder.mp4"])
 def test_places_that_cannot_be_written_are_told_first(tmp_path, name, monkeypatch):
-    monkeypatch.setattr(recording, "load_player", None)
+    monkeypatch.setattr(filming, "load_player", None)
     (tmp_path / "folder.mp4").mkdir()
-    with pytest.raises(UsageError, match="mp4"), recording.recorder(tmp_path, tmp_path / name):
+    with pytest.raises(UsageError, match="mp4"), filming.recorder(tmp_path, tmp_path / name):
         raise AssertionError("nothing may be played")
 
 
 def test_boxes_surround_what_they_mark(otsu):
-    looked = sight.look(otsu, step().observation)
+    _, looked = sight.look(otsu.begin(), step().observation)
     assert [10, 15, 3, 3] in looked.boxes_px.tolist()
     assert looked.labels[11, 16] == 1 and looked.labels[5, 5] == 0
-    picture = recording.compose(otsu, step(), 0)
+    picture = filming.compose(otsu.space, step(), looked)
     bright = frame_with_ball(20, 30).max(axis=2).repeat(3, 0).repeat(3, 1) > 0
     blue = (picture[:504, :504] == CLASS_COLOURS[0]).all(axis=2)
     assert blue[57:60, 90:108].any() and not blue[100:400].any()  # just above the ball, and nowhere else
     assert (picture[:504, :504][bright & ~blue].max(axis=1) > 0).all()
 
 
-def test_other_views_can_be_filmed():
-    grey = recording.compose(Pipeline(PipelineConfig(), "grey"), step(), 0)
-    ram = recording.compose(Pipeline(PipelineConfig(), "ram", "pong"), step(ram=np.arange(128, dtype=np.uint8)), 0)
-    blind = recording.compose(Pipeline(PipelineConfig(), "classes"), step(), 0)  # nothing learned yet
+def filmed(encoder, shown):
+    state, seen = sight.look(encoder.begin(), shown.observation)
+    return filming.compose(encoder.space, replace(shown, state=state), seen)
+
+
+def test_other_encoders_can_be_filmed():
+    grey = filmed(ENCODERS.load("grey")(PerceptionConfig()), step())
+    ram = filmed(ENCODERS.load("ram")(PerceptionConfig(), rom="pong"), step(ram=np.arange(128, dtype=np.uint8)))
+    blind = filmed(ENCODERS.load("classes")(PerceptionConfig()), step())  # nothing learned yet
     assert grey.shape == ram.shape == blind.shape
     assert all(side % 2 == 0 for side in grey.shape[:2])
     assert ram[:100, 528:].any()
@@ -122,8 +134,8 @@ def run(tmp_path_factory):
     config = {
         "model": "semantic",
         "env": "semrl/Catch-v0",
-        "frames": 1200,
-        "pipeline": {"embedding": "hashed", "detection": {"threshold_frames": 3}},
+        "decisions": 300,
+        "perception": {"embedder": "hashed", "otsu": {"threshold_frames": 3}},
         "stability": {"batches": 5, "max_batches": 30},
     }
     path = tmp_path_factory.mktemp("runs") / "catch"
@@ -149,6 +161,8 @@ def test_a_gallery_holds_what_perception_saw(run):
     # walls, ball and paddle are there in every frame
     assert arrays["class_counts"].sum() >= 3 * array_to_json(arrays["meta"])["played"]
     assert arrays["centres"].shape == (len(arrays["class_numbers"]), 8, 8)
+    assert arrays["n_clusters"] >= len(arrays["class_numbers"])
+    assert arrays["vectors"].shape[0] == n and array_to_json(arrays["meta"])["encoder"] == "scene"
     assert 0 < arrays["explained_variance_ratio"].sum() <= 1 + 1e-9
     assert 0 <= arrays["threshold"] < 255
 
@@ -167,15 +181,41 @@ def test_the_command_makes_gallery_and_page(run, capsys):
     assert "Kinds of objects" in (run / "report.html").read_text()
 
 
+def test_a_gallery_of_images_holds_what_is_shown(baseline_run, tmp_path):
+    run = shutil.copytree(baseline_run, tmp_path / "run")
+    arrays = read_arrays(gallery.save_gallery(run, seed=3))
+    np.testing.assert_array_equal(arrays["shown"], arrays["greys"])
+    assert "vectors" not in arrays and "centres" not in arrays and array_to_json(arrays["meta"])["encoder"] == "grey"
+
+
+@pytest.mark.parametrize("name", ["objects_run", "tracked_run", "plain_tracked_run"])
+def test_a_gallery_of_tracked_objects_holds_their_numbers_and_makes_a_page(request, tmp_path, name):
+    """Slots in use have names; without a planner a scene has none, and its vector is shown."""
+    run = shutil.copytree(request.getfixturevalue(name), tmp_path / "run")
+    space = load_player(run).encoder.space
+    arrays = read_arrays(gallery.save_gallery(run, seed=3))
+    assert arrays["vectors"].shape == (gallery.GALLERY_SAMPLES, len(space.names) or space.shape[0])
+    assert bool(space.names) == (name != "plain_tracked_run") and arrays["vectors"].any()
+    page = write_report([run], tmp_path / "page.html").read_text()
+    assert all(f"{told} " in page for told in space.names)
+
+
+@pytest.fixture(scope="module")
+def plain_tracked_run(tmp_path_factory, tiny):
+    path = tmp_path_factory.mktemp("runs") / "plain"
+    train(path, tiny(encoder="tracked_scene"))
+    return path
+
+
 def test_slots_are_drawn_with_their_identities(objects_run):
-    player, pipeline = load_player(objects_run), load_player(objects_run).pipeline
-    pipeline.begin_episode()
+    player = load_player(objects_run)
+    encoder, episode = player.encoder, player.encoder.begin()
     for i, step in enumerate(player.episode(0, 0)):
-        seen = sight.look(pipeline, step.observation)
-        np.testing.assert_array_equal(seen.seen, step.state[0][: len(pipeline.names)])
-        assert len(seen.names) == len(seen.boxes_px) == len(seen.classes) <= len(pipeline.roles.slots_)
+        state, seen = sight.look(episode, step.observation)
+        np.testing.assert_array_equal(state.facts, step.state.facts)
+        assert len(seen.names) == len(seen.boxes_px) == len(seen.classes) <= len(encoder.perception.roles.slots_)
         if i > 8:
             break
     assert seen.names and all(name.startswith(("own", "object ")) for name in seen.names)
-    picture = recording.compose(pipeline, step, i + 1)
+    picture = filming.compose(encoder.space, step, seen)
     assert picture.dtype == np.uint8 and picture.shape[0] % 2 == picture.shape[1] % 2 == 0

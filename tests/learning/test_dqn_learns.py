@@ -8,13 +8,14 @@ import pytest
 import torch
 
 from semrl.agents import DQN, DQNConfig, NetworkConfig
+from semrl.core import AgentObservation, StateSpace
 from semrl.envs import Game, make_env
 from semrl.envs.catch import Catch
 from semrl.envs.environment import FrameSkip
-from semrl.perception.config import PipelineConfig
+from semrl.perception.config import PerceptionConfig
 from semrl.perception.embedding import HashedEmbeddingConfig
-from semrl.perception.pipeline import Pipeline
-from semrl.perception.pretraining.schedule import Schooling
+from semrl.perception.encoders import ENCODERS
+from semrl.perception.pretraining.schedule import PretrainingSchedule
 from semrl.perception.pretraining.stability import StabilityConfig
 from semrl.training.trainer import Trainer
 
@@ -44,35 +45,35 @@ def _one_thread():
     torch.set_num_threads(threads)
 
 
-def play(env: gym.Env, encode, choose, seed, observe=None):
-    """Play one episode; return its return. ``encode`` maps an observation to what the agent sees."""
-    current = encode(env.reset(seed=seed)[0])
-    previous, total, done, start = current, 0.0, False, True
+def play(env: gym.Env, choose, seed, observe=None):
+    """Play one episode; return its return and what the agent is shown at its end."""
+    current, _ = env.reset(seed=seed)
+    shown, total, done, start = AgentObservation(vectors=np.stack([current, current])), 0.0, False, True
     while not done:
-        action = choose(np.stack([current, previous]))
-        observation, reward, terminated, truncated, _ = env.step(action)
+        action = choose(shown)
+        following, reward, terminated, truncated, _ = env.step(action)
         if observe:
-            observe(current, action, reward, terminated=terminated, start=start)
-        previous, current = current, encode(observation)
+            observe(shown, action, reward, terminated=terminated, start=start)
+        shown, current = AgentObservation(vectors=np.stack([following, current])), following
         total += reward
         start, done = False, terminated or truncated
-    return total, current
+    return total, shown
 
 
-def mean_return(env, encode, choose, episodes=20):
-    return float(np.mean([play(env, encode, choose, 10**6 + i)[0] for i in range(episodes)]))
+def mean_return(env, choose, episodes=20):
+    return float(np.mean([play(env, choose, 10**6 + i)[0] for i in range(episodes)]))
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_dqn_learns_to_catch_every_ball(seed):
     env = FrameSkip(Catch(observation="vector"), 4)
-    agent = DQN(QUICK, (4,), np.float32, 2, seed=seed)
-    assert mean_return(env, np.asarray, agent.best_action) < -1
+    agent = DQN(QUICK, space=StateSpace(shape=(4,)), n_actions=2, seed=seed)
+    assert mean_return(env, agent.best_action) < -1
     best = -5.0
     for episode in range(1, 221):  # 45 decisions each
-        agent.end_episode(play(env, np.asarray, agent.act, seed * 1000 + episode, agent.observe)[1])
+        agent.end_episode(play(env, agent.act, seed * 1000 + episode, agent.observe)[1])
         if episode >= 120 and episode % 20 == 0:
-            best = max(best, mean_return(env, np.asarray, agent.best_action))
+            best = max(best, mean_return(env, agent.best_action))
             if best >= 4.5:
                 break
     assert best >= 4.5  # of 5
@@ -81,27 +82,32 @@ def test_dqn_learns_to_catch_every_ball(seed):
 def test_an_agent_without_rewards_learns_nothing():
     """What the test above measures can fail."""
     env = FrameSkip(Catch(observation="vector"), 4)
-    agent = DQN(QUICK, (4,), np.float32, 2, seed=0)
+    agent = DQN(QUICK, space=StateSpace(shape=(4,)), n_actions=2, seed=0)
 
-    def blind(observation, action, reward, **ends):
-        agent.observe(observation, action, 0.0, **ends)
+    def blind(shown, action, reward, **ends):
+        agent.observe(shown, action, 0.0, **ends)
 
     for episode in range(40):
-        agent.end_episode(play(env, np.asarray, agent.act, episode, blind)[1])
-    assert mean_return(env, np.asarray, agent.best_action) < 1
+        agent.end_episode(play(env, agent.act, episode, blind)[1])
+    assert mean_return(env, agent.best_action) < 1
 
 
 @pytest.mark.slow
 def test_dqn_learns_to_catch_from_scenes():
     """The whole upper line of the architecture: frames, objects, kinds, scene graph, vector, agent."""
-    config = PipelineConfig(embedding="hashed", hashed=HashedEmbeddingConfig(dimension=512))
-    pipeline = Pipeline(config, "embedding")
+    config = PerceptionConfig(embedder="hashed", hashed=HashedEmbeddingConfig(dimension=512))
+    stability = StabilityConfig(batches=30)
+    encoder = ENCODERS.load("scene")(config)
     settings = replace(QUICK, learning_rate=5e-4, network=NetworkConfig(hidden_units=(128,), layer_norm=True))
-    agent = DQN(settings, pipeline.shape, pipeline.dtype, 2, seed=0)
+    agent = DQN(settings, space=encoder.space, n_actions=2, seed=0)
     trainer = Trainer(
-        Game(make_env("semrl/Catch-v0"), 0), pipeline, Schooling(pipeline, StabilityConfig(batches=30)), agent,
-        decisions=10_000, seed=0,
-    )  # fmt: skip
+        Game(make_env("semrl/Catch-v0"), 0),
+        encoder,
+        PretrainingSchedule(encoder.stages(stability), stability),
+        agent,
+        decisions=10_000,
+        seed=0,
+    )
     trainer.run()
     returns = np.array(trainer.returns_)
     assert returns[:20].mean() < -1

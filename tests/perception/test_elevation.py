@@ -8,13 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from seeing import schedule_of
 
-from semrl.core import Observation
-from semrl.core.errors import DataError
 from semrl.core.files import write_arrays
 from semrl.envs import Game, make_env
-from semrl.perception.config import PipelineConfig
-from semrl.perception.detection.grey import to_grey
 from semrl.perception.embedding import (
     HashedEmbedding,
     HashedEmbeddingConfig,
@@ -24,79 +21,75 @@ from semrl.perception.embedding import (
     wl_hashes,
 )
 from semrl.perception.embedding.word_hashes import word_hash
-from semrl.perception.pipeline import Pipeline
-from semrl.perception.pretraining.schedule import Schooling
+from semrl.perception.encoders import ENCODERS, Encoder
 from semrl.perception.pretraining.stability import StabilityConfig
 from semrl.training import preset
-from semrl_thesis.perception import by_frame
 
 QUICK = StabilityConfig(batches=4, max_batches=12)
 PROCESS = """
 import sys
 import cv2, numpy as np
 from semrl.core.arrays import digest
-from semrl.perception.pipeline import Pipeline
-from semrl_thesis.perception import by_frame
 from semrl.core.files import read_arrays
 from semrl.envs import Game, make_env
-from semrl.core import Observation
+from semrl.perception.encoders import ENCODERS
+from semrl.training import preset
 
-learned, n, batch, threads = sys.argv[1], *map(int, sys.argv[2:])
+name, learned, n, side_by_side, threads = *sys.argv[1:3], *map(int, sys.argv[3:])
 cv2.setNumThreads(threads)
-pipeline = Pipeline(by_frame("semrl").pipeline, "embedding")
-pipeline.from_arrays(read_arrays(learned))
-game, rng, seen = Game(make_env(), seed=1), np.random.default_rng(1), []
-observation = game.reset()
-vectors = []
-for _ in range(n):
-    seen.append(observation)
-    outcome = game.step(int(rng.integers(2)))
-    observation = game.reset() if outcome.done else outcome.observation
-    if len(seen) == batch:
-        vectors.append(pipeline.encode_batch(seen))
-        seen = []
-vectors.append(pipeline.encode_batch(seen))
-print(digest({"vectors": np.concatenate(vectors)}))
+encoder = ENCODERS.load(name)(preset("semrl", "semantic").perception)
+encoder.from_arrays(read_arrays(learned))
+games = [Game(make_env(), seed=seed) for seed in range(2)]
+rngs = [np.random.default_rng(seed) for seed in range(2)]
+vectors = {}
+
+def play(which, count):
+    episode, observation = encoder.begin(), games[which].reset()
+    for i in range(count):
+        vectors[which, i] = episode.encode(observation).vector
+        yield
+        observation = games[which].step(int(rngs[which].integers(2))).observation
+
+plays = [play(which, n) for which in range(2)]
+if side_by_side:
+    for _ in zip(*plays):
+        pass
+else:
+    for one in plays:
+        for _ in one:
+            pass
+print(digest({"vectors": np.stack([vectors[key] for key in sorted(vectors)])}))
 """
 
 
-@pytest.fixture(scope="module")
-def pipeline() -> Pipeline:
-    """Perception that saw some random play of Pong."""
-    config = by_frame("semrl").pipeline
-    return schooled(
-        replace(
-            config,
-            detection=replace(config.detection, threshold_frames=10),
-            scene=replace(config.scene, scenery_frames=60),
-        )
+@pytest.fixture(scope="module", params=["scene", "tracked_scene"])
+def encoder(request: pytest.FixtureRequest) -> tuple[str, Encoder]:
+    """An encoder that saw some random play of Pong, and its name."""
+    config = preset("semrl", "semantic").perception
+    config = replace(
+        config,
+        otsu=replace(config.otsu, threshold_frames=10),
+        scene=replace(config.scene, scenery_frames=60),
+        foreground=replace(config.foreground, background_frames=100),
+        roles=replace(config.roles, frames=100),
     )
+    encoder = ENCODERS.load(request.param)(config)
+    game, rng = Game(make_env(), seed=0), np.random.default_rng(0)
+    schedule, observation, action = schedule_of(encoder, QUICK), game.reset(), None
+    while schedule.current:
+        schedule.learn(observation, action)
+        action = int(rng.integers(2))
+        observation = game.step(action).observation
+    return request.param, encoder
 
 
-@pytest.fixture(scope="module")
-def tracked() -> Pipeline:
-    """The same for scenes of tracked objects."""
-    config = preset("semrl", "semantic").pipeline
-    foreground, roles = replace(config.foreground, background_frames=100), replace(config.roles, frames=100)
-    return schooled(replace(config, foreground=foreground, roles=roles))
-
-
-def schooled(config: PipelineConfig) -> Pipeline:
-    pipeline, game, rng = Pipeline(config, "embedding"), Game(make_env(), seed=0), np.random.default_rng(0)
-    schooling, observation = Schooling(pipeline, QUICK), game.reset()
-    while schooling.current:
-        schooling.learn(observation)
-        observation = game.step(int(rng.integers(2))).observation
-    return pipeline
-
-
-def digests(pipeline: Pipeline, tmp_path: Path, frames: int) -> set[str]:
+def digests(encoder: tuple[str, Encoder], tmp_path: Path, frames: int) -> set[str]:
     learned = tmp_path / "learned.npz"
-    write_arrays(learned, pipeline.to_arrays())
+    write_arrays(learned, encoder[1].to_arrays())
     found = set()
-    for hash_seed, batch, threads in (("1", "1", "1"), ("2", "7", "2")):
+    for hash_seed, side_by_side, threads in (("1", "0", "1"), ("2", "1", "2")):
         run = subprocess.run(
-            [sys.executable, "-c", PROCESS, str(learned), str(frames), batch, threads],
+            [sys.executable, "-c", PROCESS, encoder[0], str(learned), str(frames), side_by_side, threads],
             env={**os.environ, "PYTHONHASHSEED": hash_seed, "OMP_NUM_THREADS": threads},
             capture_output=True,
             text=True,
@@ -106,95 +99,16 @@ def digests(pipeline: Pipeline, tmp_path: Path, frames: int) -> set[str]:
     return found
 
 
-def test_the_same_bits_in_every_process_batch_and_number_of_threads(pipeline: Pipeline, tmp_path: Path) -> None:
-    assert len(digests(pipeline, tmp_path, 200)) == 1
+def test_the_same_bits_in_every_process_episode_and_number_of_threads(
+    encoder: tuple[str, Encoder], tmp_path: Path
+) -> None:
+    """Episodes one after the other, and side by side."""
+    assert len(digests(encoder, tmp_path, 100)) == 1
 
 
 @pytest.mark.slow
-def test_the_same_bits_for_ten_thousand_frames(pipeline: Pipeline, tmp_path: Path) -> None:
-    assert len(digests(pipeline, tmp_path, 10_000)) == 1
-
-
-def test_several_at_once_are_one_after_the_other(pipeline: Pipeline) -> None:
-    rng = np.random.default_rng(0)
-    seen = [Observation(frame=rng.integers(0, 256, (210, 160, 3)).astype(np.uint8)) for _ in range(3)]
-    one_by_one = np.stack([pipeline.encode(one) for one in seen])
-    np.testing.assert_array_equal(pipeline.encode_batch(seen), one_by_one)
-    assert pipeline.encode_batch([]).shape == (0, 128)
-
-
-def test_classes_that_are_remembered_are_forgotten_when_more_is_learned(pipeline: Pipeline) -> None:
-    copy, fresh = (Pipeline(pipeline.config, "embedding") for _ in range(2))
-    copy.from_arrays(pipeline.to_arrays())
-    game = Game(make_env(), seed=3)
-    game.reset()
-    frames = [game.step(0).observation.frame for _ in range(70)]
-    objects = copy.detector.detect(to_grey(frames[-1]))
-    before = copy.classes(objects)
-    reduced = copy.pca.transform(objects.features)
-    copy.birch.partial_fit(np.concatenate([reduced + shift for shift in (0.1, 3.0, 9.0)]))
-    for box in (copy.birch, copy.pca):  # learned, then restored: both count as something new
-        fresh.from_arrays(copy.to_arrays())
-        np.testing.assert_array_equal(copy.classes(objects), fresh.classes(objects))
-        box.from_arrays(getattr(pipeline, "birch" if box is copy.birch else "pca").to_arrays())
-    np.testing.assert_array_equal(copy.classes(objects), before)
-
-
-NOISE = np.random.default_rng(0).integers(0, 2, (42, 42)).astype(np.uint8) * 255
-
-
-@pytest.mark.parametrize(
-    "frame",
-    [
-        np.zeros((210, 160, 3), np.uint8),
-        np.full((210, 160, 3), 255, np.uint8),
-        np.full((33, 500, 3), (12, 200, 7), np.uint8),
-        np.kron(np.ones((42, 42), np.uint8) * 255, np.array([[1, 0], [0, 0]], np.uint8))[..., None].repeat(3, axis=2),
-        np.kron(NOISE, np.ones((5, 5), np.uint8))[..., None].repeat(3, axis=2),
-        np.zeros((1, 1, 3), np.uint8),
-    ],
-    ids=["black", "white", "one colour, other size", "1764 dots", "noise, other size", "one pixel"],
-)
-def test_whatever_is_shown_has_a_finite_vector(pipeline: Pipeline, frame: np.ndarray) -> None:
-    first = pipeline.encode(Observation(frame=frame))
-    assert first.shape == (128,) and first.dtype == np.float32 and np.isfinite(first).all()
-    np.testing.assert_array_equal(pipeline.encode(Observation(frame=frame)), first)
-
-
-@pytest.mark.parametrize("what", ["black", "white", "noise"])
-def test_tracked_scenes_of_strange_frames_have_finite_vectors(tracked: Pipeline, what: str) -> None:
-    noise = np.random.default_rng(0).integers(0, 256, (210, 160, 3)).astype(np.uint8)
-    frame = {"black": np.zeros_like(noise), "white": np.full_like(noise, 255), "noise": noise}[what]
-    tracked.begin_episode()
-    for _ in range(8):
-        vector = tracked.encode(Observation(frame=frame))
-        assert vector.shape == (128,) and vector.dtype == np.float32 and np.isfinite(vector).all()
-
-
-def test_tracked_scenes_are_of_frames_of_one_size(tracked: Pipeline) -> None:
-    with pytest.raises(DataError, match="the background is of frames") as error:
-        tracked.encode(Observation(frame=np.zeros((33, 500, 3), np.uint8)))
-    assert "\n" not in str(error.value)
-
-
-def test_a_frame_without_objects_is_zeros(pipeline: Pipeline) -> None:
-    assert not pipeline.encode(Observation(frame=np.zeros((210, 160, 3), np.uint8))).any()
-
-
-@pytest.mark.parametrize(
-    "frame",
-    [
-        np.full((210, 160, 3), np.nan),
-        np.zeros((210, 160), np.uint8),
-        np.zeros((210, 160, 4), np.uint8),
-        np.zeros((0, 160, 3), np.uint8),
-    ],
-    ids=["not a number", "grey", "four channels", "empty"],
-)
-def test_what_is_no_frame_is_told_in_one_line(pipeline: Pipeline, frame: np.ndarray) -> None:
-    with pytest.raises(DataError) as error:
-        pipeline.encode(Observation(frame=frame))
-    assert "\n" not in str(error.value)
+def test_the_same_bits_for_ten_thousand_frames(encoder: tuple[str, Encoder], tmp_path: Path) -> None:
+    assert len(digests(encoder, tmp_path, 5_000)) == 1
 
 
 def test_five_thousand_objects_and_words_never_met_have_a_vector() -> None:

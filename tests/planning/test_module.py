@@ -9,33 +9,34 @@ import torch
 from semrl.core import Moment, Trajectory
 from semrl.core.arrays import digest
 from semrl.core.errors import DataError, UsageError
-from semrl.grounding import GoalConfig
-from semrl.planning import LongTermConfig, ShortTermConfig, plan_routes
-from semrl.planning.module import MAP_MODELS, Reasoner, ReasoningConfig
+from semrl.grounding import PlanFeaturesConfig
+from semrl.planning import LongTermConfig, plan_routes
+from semrl.planning.module import PlanningConfig, PlanningModule
+from semrl.planning.scenario_planner import ScenarioPlannerConfig
 from semrl.planning.state_map import StateMapConfig
-from semrl.training.metrics import COLUMNS
+from semrl.training.config import MODELS
 from semrl.world_model import ModelPairConfig, NextStateConfig, NextStateNetwork, RewardConfig, TreesConfig
 
 CELLS, N_ACTIONS, D = 10, 3, 2
-CONFIG = ReasoningConfig(
+CONFIG = PlanningConfig(
     state_map=StateMapConfig(node_threshold=0.05, edge_threshold=0.05, reward_weight=10),
-    models=ModelPairConfig(
+    networks=ModelPairConfig(
         next_state=NextStateConfig(
             hidden_units=(32,), learning_rate=3e-3, batch_size=16, epochs=15, predict_change=True
         ),
         reward=RewardConfig(kind="network", hidden_units=(32,), learning_rate=1e-2, batch_size=16, epochs=15),
         rehearsal_states=5000,
     ),
-    short_term=ShortTermConfig(depth=3),
+    scenarios=ScenarioPlannerConfig(depth=3),
     discount=0.9,
 )
-THESIS = ReasoningConfig(
-    models=ModelPairConfig(next_state=NextStateConfig(hidden_units=(16,), epochs=3)),
-    short_term=ShortTermConfig(depth=2),
+THESIS = PlanningConfig(
+    networks=ModelPairConfig(next_state=NextStateConfig(hidden_units=(16,), epochs=3)),
+    scenarios=ScenarioPlannerConfig(depth=2),
 )
 TREES = dataclasses.replace(
-    CONFIG, world="trees", trees=TreesConfig(members=2, resolution=0.5, first_decisions=30, new_decisions=10),
-    short_term=ShortTermConfig(depth=6, scenarios=16), planner_every=2,
+    CONFIG, world_model="trees", trees=TreesConfig(members=2, resolution=0.5, first_decisions=30, new_decisions=10),
+    scenarios=ScenarioPlannerConfig(depth=6, scenarios=16), planner_every=2,
 )  # fmt: skip
 
 
@@ -57,18 +58,24 @@ def step(cell, action):
     return cell, float(cell == CELLS - 1)
 
 
-def play(reasoner, rng, start, decisions=80):
+def plan_at(module, cell):
+    """Plan where the corridor is; return the facts."""
+    module.plan_step(state_of(cell))
+    return state_of(cell)
+
+
+def play(module, rng, start, decisions=80):
     """An episode at random, as the trainer plays it; return what `end_episode` tells."""
     cell = start
-    seen = reasoner.think(state_of(cell))[0]
+    seen = plan_at(module, cell)
     for _ in range(decisions):
         action = int(rng.integers(N_ACTIONS))
         cell, reward = step(cell, action)
-        reasoner.observe(seen, action, reward)
-        seen = reasoner.think(state_of(cell))[0]
+        module.observe(seen, action, reward)
+        seen = plan_at(module, cell)
         if reward:
             break
-    return reasoner.end_episode(seen)
+    return module.end_episode(seen)
 
 
 def random_trajectory(seed, decisions=60, offset=0.0):
@@ -87,24 +94,24 @@ def at(*states):
 
 
 def new(config=CONFIG, seed=0):
-    return Reasoner(config, D, N_ACTIONS, seed=seed)
+    return PlanningModule(config, D, N_ACTIONS, seed=seed)
 
 
-def copied(reasoner):
-    return {name: array.copy() for name, array in reasoner.to_arrays().items()}
+def copied(module):
+    return {name: array.copy() for name, array in module.to_arrays().items()}
 
 
 @pytest.fixture(scope="module")
 def corridor():
-    """A reasoner that has seen twenty random episodes of the corridor. Read only."""
-    reasoner, rng = new(), np.random.default_rng(0)
+    """A module that has seen twenty random episodes of the corridor. Read only."""
+    module, rng = new(), np.random.default_rng(0)
     for _ in range(20):
-        play(reasoner, rng, int(rng.integers(CELLS - 1)))
-    return reasoner
+        play(module, rng, int(rng.integers(CELLS - 1)))
+    return module
 
 
 def test_the_models_that_reason():
-    assert MAP_MODELS == ("semantic-map", "ram-map", "objects-map")
+    assert {name for name, model in MODELS.items() if model.plans} == {"semantic-map", "ram-map", "objects-map"}
 
 
 def test_the_map_of_the_corridor_is_the_corridor(corridor):
@@ -143,52 +150,79 @@ def test_a_plan_foresees_what_will_happen(corridor):
 def test_planning_learns_nothing(corridor):
     before = digest(corridor.to_arrays())
     moment = at(state_of(3), state_of(4))
-    first, again = (corridor.goal(corridor.plan(moment)) for _ in range(2))
-    np.testing.assert_array_equal(first, again)
+    first, again = (corridor.plan(moment) for _ in range(2))
+    np.testing.assert_array_equal(first.scenarios.actions, again.scenarios.actions)
+    np.testing.assert_array_equal(first.returns, again.returns)
     assert digest(corridor.to_arrays()) == before
     assert moment.states.tolist() == [state_of(3).tolist(), state_of(4).tolist()]
 
 
-def test_before_anything_was_learned_there_is_no_plan_and_the_goal_is_zero():
-    reasoner = new()
+def test_before_anything_was_learned_there_is_no_plan_and_its_features_are_zero():
+    module = new()
     moment = at(state_of(3), state_of(4))
-    assert reasoner.plan(moment) is None and reasoner.proposed_action is None
-    goal = reasoner.goal(None)
-    assert goal.dtype == np.float32 and goal.shape == (reasoner.goal_size,) and not goal.any()
-    reasoner.learn(random_trajectory(0))
-    assert reasoner.goal(reasoner.plan(moment)).any()
+    assert module.plan(moment) is None and module.proposed_action is None
+    record = module.plan_step(state_of(3))
+    assert record.plan is None and module.proposed_action is None
+    assert record.features.dtype == np.float32 and record.features.shape == (module.plan_size,)
+    assert not record.features.any()
+    module.learn(random_trajectory(0))
+    assert module.plan_step(state_of(3)).features.any() and module.plan(moment)
 
 
-def test_what_the_agent_sees_is_the_state_and_the_goal(corridor):
+def test_what_the_agent_is_shown_are_the_features_of_the_plan(corridor):
     corridor.begin_episode()
-    first, thought = corridor.think(state_of(4))
-    assert thought.moment.states.tolist() == [state_of(4).tolist()]
-    assert corridor.proposed_action == thought.plan.actions[0]
-    assert first[:D].tolist() == state_of(4).tolist() and first.dtype == np.float32
-    np.testing.assert_array_equal(first[D:], corridor.goal(corridor.plan(at(state_of(4), state_of(4)))))
-    corridor.observe(first, 2, 0.0)  # which is noted without its goal
-    second, _ = corridor.think(state_of(5))
-    np.testing.assert_array_equal(second[D:], corridor.goal(corridor.plan(at(state_of(5), state_of(4)))))
+    first = corridor.plan_step(state_of(4))
+    assert first.history.states.tolist() == [state_of(4).tolist()]
+    assert corridor.proposed_action == first.plan.actions[0] and first.features.dtype == np.float32
+    np.testing.assert_array_equal(first.features, corridor.grounder.ground(corridor.plan(at(state_of(4)))))
+    corridor.observe(state_of(4), 2, 0.0)
+    second = corridor.plan_step(state_of(5))
+    assert second.history.states.tolist() == [state_of(5).tolist(), state_of(4).tolist()]
+    assert second.history.actions.tolist() == [2]
+    expected = corridor.plan(at(state_of(5), state_of(4)))
+    np.testing.assert_array_equal(second.features, corridor.grounder.ground(expected))
     corridor.begin_episode()
-    depth = CONFIG.short_term.depth
-    assert first[D : D + depth * N_ACTIONS].reshape(depth, N_ACTIONS).tolist() == [[0, 0, 1]] * depth
+    depth = CONFIG.scenarios.depth
+    assert first.features[: depth * N_ACTIONS].reshape(depth, N_ACTIONS).tolist() == [[0, 0, 1]] * depth
+
+
+def test_an_episode_begins_without_what_was_done_or_proposed_before(corridor):
+    corridor.begin_episode()
+    corridor.plan_step(state_of(4))
+    corridor.observe(state_of(4), 0, 0.0)
+    corridor.begin_episode()
+    assert corridor.proposed_action is None
+    record = corridor.plan_step(state_of(2))
+    assert record.history.states.tolist() == [state_of(2).tolist()] and not len(record.history.actions)
+    corridor.begin_episode()
+
+
+@pytest.mark.parametrize("first", range(N_ACTIONS))
+def test_a_plan_may_be_asked_for_with_a_given_first_action(corridor, first):
+    free, bound = (corridor.plan(at(state_of(4)), first=action) for action in (None, first))
+    assert (bound.scenarios.actions[:, 0] == first).all() and len(bound.actions) == len(free.actions)
+    begins = free.scenarios.actions[:, 0] == first
+    assert bound.returns[0] == free.returns[begins].max()
 
 
 @pytest.mark.parametrize("parts", [("actions",), ("reward", "state")])
-def test_the_goal_has_the_size_announced(parts):
-    config = dataclasses.replace(CONFIG, goal=GoalConfig(parts=parts), short_term=ShortTermConfig(depth=2))
-    reasoner = new(config)
-    reasoner.learn(random_trajectory(0))
-    assert reasoner.goal(reasoner.plan(at(state_of(1), state_of(2)))).shape == (reasoner.goal_size,)
-    assert reasoner.goal_size == sum({"actions": 2 * N_ACTIONS, "state": D, "reward": 1}[part] for part in parts)
+def test_the_features_have_the_size_announced(parts):
+    config = dataclasses.replace(
+        CONFIG, plan_features=PlanFeaturesConfig(parts=parts), scenarios=ScenarioPlannerConfig(depth=2)
+    )
+    module = new(config)
+    module.learn(random_trajectory(0))
+    assert module.plan_step(state_of(1)).features.shape == (module.plan_size,)
+    assert module.plan_size == sum({"actions": 2 * N_ACTIONS, "state": D, "reward": 1}[part] for part in parts)
 
 
 def test_what_it_measures_are_columns_of_the_metrics():
-    reasoner = new(THESIS)
-    told = reasoner.learn(random_trajectory(0))
-    assert set(told) <= set(COLUMNS)
-    assert {name for name in COLUMNS if name.startswith(("map_", "seconds_"))} == set(told)
-    graph = reasoner.state_map.graph_
+    module = new(THESIS)
+    told = module.learn(random_trajectory(0))
+    assert list(told) == [
+        "map_nodes", "map_edges", "seconds_map", "seconds_next_state", "seconds_reward", "seconds_routes",
+    ]  # fmt: skip
+    graph = module.state_map.graph_
     assert (told["map_nodes"], told["map_edges"]) == (len(graph), len(graph.edge_ids))
     assert all(value >= 0 for value in told.values()) and told["map_nodes"] > 1
 
@@ -198,49 +232,51 @@ def test_an_episode_noted_decision_by_decision_is_learned_like_one_given_whole()
     for seed in (0, 1):
         episode = random_trajectory(seed)
         for state, action, reward in zip(episode.states[:-1], episode.actions, episode.rewards, strict=True):
-            noted.observe(np.append(state, 7 * np.ones(noted.goal_size)), int(action), float(reward))
-        noted.end_episode(np.append(episode.states[-1], np.zeros(noted.goal_size, np.float32)))
+            noted.plan_step(state)
+            noted.observe(state, int(action), float(reward))
+        noted.plan_step(episode.states[-1])
+        noted.end_episode(episode.states[-1])
         given.learn(episode)
     assert digest(noted.to_arrays()) == digest(given.to_arrays())
 
 
 def test_without_rehearsal_each_episode_is_seen_as_the_thesis_has_it():
-    reasoner, by_hand = new(THESIS, seed=4), NextStateNetwork(THESIS.models.next_state, D, N_ACTIONS, seed=4)
+    module, by_hand = new(THESIS, seed=4), NextStateNetwork(THESIS.networks.next_state, D, N_ACTIONS, seed=4)
     for seed in (0, 1):
-        reasoner.learn(random_trajectory(seed))
+        module.learn(random_trajectory(seed))
         for _ in range(3):
             by_hand.partial_fit(random_trajectory(seed).transitions)
-    assert digest(reasoner.world.next_state.to_arrays()) == digest(by_hand.to_arrays())
-    assert len(reasoner.world.experience) == 0
+    assert digest(module.world_model.next_state.to_arrays()) == digest(by_hand.to_arrays())
+    assert len(module.world_model.experience) == 0
 
 
 def test_rehearsal_keeps_what_was_learned_long_ago():
     """First the one half of the world, then for long the other, where the same actions do the opposite."""
     errors = {}
     for states in (0, 5000):
-        models = dataclasses.replace(CONFIG.models, rehearsal_states=states)
-        reasoner = new(dataclasses.replace(CONFIG, models=models))
+        networks = dataclasses.replace(CONFIG.networks, rehearsal_states=states)
+        module = new(dataclasses.replace(CONFIG, networks=networks))
         for i in range(9):
             rng = np.random.default_rng(i)
             side, actions = (-1 if i < 3 else 1), rng.integers(N_ACTIONS, size=60)
             moves = np.concatenate([[0], side * (actions - 1)])
             trajectory = np.column_stack([side * 20 + np.cumsum(moves), np.full(61, side)]).astype(np.float32)
             episode = Trajectory(states=trajectory, actions=actions, rewards=np.zeros(60, np.float32))
-            reasoner.learn(episode)
+            module.learn(episode)
             if i == 2:
                 early = episode.transitions
-        predicted = reasoner.world.next_state.predict(early.states, early.previous, early.actions)
+        predicted = module.world_model.next_state.predict(early.states, early.previous, early.actions)
         errors[states] = np.abs(predicted - early.next_states).mean()
-        assert len(reasoner.world.experience) == (9 * 60 if states else 0)
+        assert len(module.world_model.experience) == (9 * 60 if states else 0)
     assert errors[5000] < 0.5 * errors[0]
 
 
 def test_velocity_doubles_the_dimension_of_the_map():
     weight = 3.0
-    reasoner = new(dataclasses.replace(THESIS, velocity_weight=weight))
+    module = new(dataclasses.replace(THESIS, velocity_weight=weight))
     episode = random_trajectory(0, decisions=30)
-    reasoner.learn(episode)
-    graph = reasoner.state_map.graph_
+    module.learn(episode)
+    graph = module.state_map.graph_
     assert graph.node_means.shape[1] == 2 * D and graph.node_counts.sum() == 31 and graph.edge_counts.sum() == 30
     velocity = np.concatenate([np.zeros((1, D)), np.diff(episode.states, axis=0)])  # at the start there is none
     means = np.concatenate([episode.states, weight * velocity], axis=1).mean(axis=0)
@@ -253,21 +289,21 @@ def test_velocity_doubles_the_dimension_of_the_map():
 @pytest.mark.parametrize("depth", [1, 2])
 def test_with_velocity_both_ends_of_a_scenario_are_placed_by_where_they_came_from(depth):
     config = dataclasses.replace(
-        CONFIG, velocity_weight=2.0, short_term=ShortTermConfig(depth=depth),
+        CONFIG, velocity_weight=2.0, scenarios=ScenarioPlannerConfig(depth=depth),
         state_map=StateMapConfig(node_threshold=1e-6, edge_threshold=1e-6),
     )  # fmt: skip
     actions = np.random.default_rng(0).integers(N_ACTIONS, size=60)
     places = np.column_stack([np.cumsum([0, *(3 * (actions - 1))]), np.arange(61) / 10]).astype(np.float32)
-    reasoner = new(config)
-    reasoner.learn(Trajectory(states=places, actions=actions, rewards=np.zeros(60, np.float32)))
+    module = new(config)
+    module.learn(Trajectory(states=places, actions=actions, rewards=np.zeros(60, np.float32)))
     state = places[[20, 19]]
-    plan = reasoner.plan(Moment(states=state))
+    plan = module.plan(Moment(states=state))
     states = plan.scenarios.states
 
     def located(now, before):
-        return reasoner.state_map.locate(np.concatenate([now, 2 * (now - before)], axis=1))
+        return module.state_map.locate(np.concatenate([now, 2 * (now - before)], axis=1))
 
-    means = reasoner.state_map.graph_.node_means
+    means = module.state_map.graph_.node_means
     assert plan.node == located(state[:1], state[1:])[0]
     np.testing.assert_allclose(means[plan.node], [*state[0], *2 * (state[0] - state[1])], atol=1e-5)
     before_last = states[:, -2] if depth > 1 else np.repeat(state[:1], len(states), axis=0)
@@ -277,7 +313,7 @@ def test_with_velocity_both_ends_of_a_scenario_are_placed_by_where_they_came_fro
 
 FAST = dataclasses.replace(
     CONFIG,
-    models=dataclasses.replace(CONFIG.models, rehearsal_states=100, rehearsal_reward_share=0.5),
+    networks=dataclasses.replace(CONFIG.networks, rehearsal_states=100, rehearsal_reward_share=0.5),
     velocity_weight=1.0,
 )
 
@@ -287,48 +323,48 @@ FAST = dataclasses.replace(
 def test_saved_midway_it_goes_on_bit_for_bit(config, until):
     """Before anything, within the first episode, between two, within the second and between two again."""
 
-    def live(reasoner, begin, end):
+    def live(module, begin, end):
         for i in range(begin, end):
             episode, t = random_trajectory(i // 40, decisions=40), i % 40
-            seen, _ = reasoner.think(episode.states[t])
-            reasoner.observe(seen, int(episode.actions[t]), float(episode.rewards[t]))
+            module.plan_step(episode.states[t])
+            module.observe(episode.states[t], int(episode.actions[t]), float(episode.rewards[t]))
             if episode.rewards[t]:
-                reasoner.revise(episode.states[t + 1])
+                module.update_online(episode.states[t + 1])
             if t == 39:
-                reasoner.end_episode(episode.states[-1])
+                module.end_episode(episode.states[-1])
 
     unbroken, restored = new(config), new(config)
     live(unbroken, 0, until)
     live(restored, 0, 55)  # used before
     restored.from_arrays(copied(unbroken))
     assert digest(restored.to_arrays()) == digest(unbroken.to_arrays())
-    for reasoner in (unbroken, restored):
-        live(reasoner, until, 120)
+    for module in (unbroken, restored):
+        live(module, until, 120)
     assert digest(restored.to_arrays()) == digest(unbroken.to_arrays())
     state = random_trajectory(3).states[0]
-    np.testing.assert_array_equal(restored.think(state)[0], unbroken.think(state)[0])
+    np.testing.assert_array_equal(restored.plan_step(state).features, unbroken.plan_step(state).features)
     np.testing.assert_array_equal(restored.routes.distances, unbroken.routes.distances)
 
 
 def test_map_and_models_are_enough_to_plan(corridor):
-    names = ("state_map/", "world/next_state/", "world/reward/")
-    reasoner = new(seed=9)
-    reasoner.load({name: value for name, value in copied(corridor).items() if name.startswith(names)})
+    module, enough = new(seed=9), corridor.inference_arrays()
+    module.from_arrays({name: value.copy() for name, value in enough.items()})
+    assert set(enough) < set(corridor.to_arrays()) and not any("experience" in name for name in enough)
     for cell in range(CELLS):
-        one, two = (one_of.plan(at(state_of(cell))) for one_of in (corridor, reasoner))
+        one, two = (one_of.plan(at(state_of(cell))) for one_of in (corridor, module))
         np.testing.assert_array_equal(one.scenarios.actions, two.scenarios.actions)
         np.testing.assert_array_equal(one.path, two.path)
 
 
 def test_routes_are_those_of_the_map_and_its_costs():
     for config in (CONFIG, dataclasses.replace(CONFIG, long_term=LongTermConfig(cutoff=2))):
-        reasoner, rng = new(config), np.random.default_rng(1)
+        module, rng = new(config), np.random.default_rng(1)
         for start in (8, 0):
-            play(reasoner, rng, start)
-        expected = plan_routes(reasoner.state_map.graph_, config.long_term)
-        np.testing.assert_array_equal(reasoner.routes.distances, expected.distances)
-        np.testing.assert_array_equal(reasoner.routes.next_nodes, expected.next_nodes)
-    assert np.isinf(reasoner.routes.distances).any() and np.isfinite(reasoner.routes.distances).any()
+            play(module, rng, start)
+        expected = plan_routes(module.state_map.graph_, config.long_term)
+        np.testing.assert_array_equal(module.routes.distances, expected.distances)
+        np.testing.assert_array_equal(module.routes.next_nodes, expected.next_nodes)
+    assert np.isinf(module.routes.distances).any() and np.isfinite(module.routes.distances).any()
 
 
 @pytest.mark.parametrize("config", [THESIS, FAST, TREES], ids=["thesis", "rehearsal", "trees"])
@@ -336,31 +372,31 @@ def test_the_same_seed_learns_the_same(config):
     digests = []
     for seed in (0, 0, 1):
         torch.rand(1)
-        reasoner = new(config, seed)
+        module = new(config, seed)
         for i in range(2):
-            reasoner.learn(random_trajectory(i))
-        digests.append(digest(reasoner.to_arrays()))
+            module.learn(random_trajectory(i))
+        digests.append(digest(module.to_arrays()))
     assert digests[0] == digests[1] != digests[2]
 
 
 @pytest.mark.parametrize("config", [THESIS, FAST, TREES], ids=["thesis", "rehearsal", "trees"])
 def test_a_state_that_is_not_finite_is_refused_and_nothing_is_learned(config):
-    reasoner, bad = new(config), random_trajectory(1)
-    reasoner.learn(random_trajectory(0))
-    before = digest(reasoner.to_arrays())
+    module, bad = new(config), random_trajectory(1)
+    module.learn(random_trajectory(0))
+    before = digest(module.to_arrays())
     bad.states[30, 1] = np.nan
     with pytest.raises(DataError):
-        reasoner.learn(bad)
-    assert digest(reasoner.to_arrays()) == before
+        module.learn(bad)
+    assert digest(module.to_arrays()) == before
 
 
 @pytest.mark.parametrize("config", [THESIS, FAST, TREES], ids=["thesis", "rehearsal", "trees"])
 def test_an_episode_of_one_decision_is_learned(config):
-    reasoner = new(config)
-    reasoner.learn(random_trajectory(0, decisions=1))
-    reasoner.learn(random_trajectory(1, decisions=1))
-    assert reasoner.state_map.graph_.edge_counts.sum() == 2
-    assert np.isfinite(reasoner.think(random_trajectory(0).states[0])[0]).all()
+    module = new(config)
+    module.learn(random_trajectory(0, decisions=1))
+    module.learn(random_trajectory(1, decisions=1))
+    assert module.state_map.graph_.edge_counts.sum() == 2
+    assert np.isfinite(module.plan_step(random_trajectory(0).states[0]).features).all()
 
 
 @pytest.mark.parametrize(
@@ -375,33 +411,33 @@ def test_an_episode_of_one_decision_is_learned(config):
 )
 def test_bad_parameters_are_refused(values):
     with pytest.raises(UsageError, match=next(iter(values))):
-        ReasoningConfig(**values)
+        PlanningConfig(**values)
 
 
 def test_too_many_scenarios_are_refused_at_once():
-    with pytest.raises(UsageError, match=r"short_term\.depth"):
-        Reasoner(dataclasses.replace(CONFIG, short_term=ShortTermConfig(depth=8)), D, N_ACTIONS, seed=0)
+    with pytest.raises(UsageError, match=r"scenarios\.depth"):
+        PlanningModule(dataclasses.replace(CONFIG, scenarios=ScenarioPlannerConfig(depth=8)), D, N_ACTIONS, seed=0)
 
 
 def test_the_planner_leads_as_often_as_it_is_told():
     for every, led in ((0, []), (1, [0, 1, 2, 3, 4, 5]), (2, [1, 3, 5]), (3, [2, 5])):
-        reasoner = new(dataclasses.replace(CONFIG, planner_every=every))
-        assert [episode for episode in range(6) if reasoner.leads(episode)] == led
+        module = new(dataclasses.replace(CONFIG, planner_every=every))
+        assert [episode for episode in range(6) if module.planner_controls(episode)] == led
 
 
 def test_trees_solve_the_corridor_by_plans_alone():
-    reasoner, rng = new(TREES), np.random.default_rng(0)
+    module, rng = new(TREES), np.random.default_rng(0)
     for _ in range(20):
-        play(reasoner, rng, int(rng.integers(CELLS - 1)))
+        play(module, rng, int(rng.integers(CELLS - 1)))
     for start in range(CELLS - 1):
-        reasoner.begin_episode()
+        module.begin_episode()
         cell, reward = start, 0.0
         for _ in range(12):
             if not reward:
-                seen, _ = reasoner.think(state_of(cell))
-                action = reasoner.proposed_action
+                seen = plan_at(module, cell)
+                action = module.proposed_action
                 cell, reward = step(cell, action)
-                reasoner.observe(seen, action, reward)
+                module.observe(seen, action, reward)
         assert reward == 1, start
 
 
@@ -411,19 +447,23 @@ def test_trees_cannot_look_back_farther_than_is_remembered():
             dataclasses.replace(TREES, trees=dataclasses.replace(TREES.trees, **{name: 17}))
 
 
-def test_the_curious_seek_what_others_avoid():
+def test_who_explores_seeks_what_others_avoid():
     """Of two scenarios that promise the same, the forests disagree about one."""
-    reasoner = new(dataclasses.replace(TREES, caution=1.0, curiosity=2.0))
-    reasoner.learn(random_trajectory(0))
-    imagined = reasoner.world.imagine
+    module = new(
+        dataclasses.replace(
+            TREES, scenarios=dataclasses.replace(TREES.scenarios, uncertainty_penalty=1.0, exploration_bonus=2.0)
+        )
+    )
+    module.learn(random_trajectory(0))
+    imagined = module.world_model.imagine
 
     def doubtful(moment, sequences):
         told = imagined(moment, sequences)
         doubts = (np.arange(len(told)) == 1).astype(np.float32)
         return dataclasses.replace(told, rewards=0 * told.rewards, values=0 * told.values, doubts=doubts)
 
-    reasoner.world.imagine = doubtful
+    module.world_model.imagine = doubtful
     moment = Moment(states=np.zeros((1, D), np.float32), actions=np.zeros(0, np.int64), number=0)
-    for curious, returns in ((False, (0, -1)), (True, (1, 0))):
-        plan = reasoner.plan(moment, curious=curious)
+    for exploring, returns in ((False, (0, -1)), (True, (1, 0))):
+        plan = module.plan(moment, exploring=exploring)
         assert (plan.returns[0], plan.returns[-1]) == returns

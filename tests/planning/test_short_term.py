@@ -63,7 +63,7 @@ def test_too_many_scenarios_are_refused():
     assert len(action_sequences(4, ShortTermConfig(depth=6))) == 4096 == MAX_SCENARIOS
     assert len(action_sequences(2, ShortTermConfig(depth=12))) == 4096
     for n_actions, depth in ((4, 7), (2, 13), (17, 3), (4097, 1)):
-        with pytest.raises(UsageError, match=r"choose a smaller short_term\.depth"):
+        with pytest.raises(UsageError, match=r"choose a smaller scenarios\.depth"):
             action_sequences(n_actions, ShortTermConfig(depth=depth))
 
 

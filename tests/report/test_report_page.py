@@ -8,11 +8,14 @@ from pages import Wellformed
 from semrl.core.arrays import json_to_array, nest, ragged_to_arrays
 from semrl.core.errors import SemrlError, UsageError
 from semrl.core.files import write_arrays, write_text
-from semrl.report import write_report
+from semrl.perception.config import PerceptionConfig
+from semrl.perception.encoders import ENCODERS
+from semrl.report import wording, write_report
 from semrl.training import RunConfig, RunFolder
 from semrl.training.config import to_dict
 from semrl.training.metrics import MetricsFile, read_metrics
 
+SEEN = PerceptionConfig(embedder="hashed")
 RETURNS = [-21.0, -20.0, -18.0, -19.0, -12.0]
 
 
@@ -35,12 +38,12 @@ def write_metrics(path):
     file = MetricsFile(path)
     for i in range(1, 301):
         stability = {"stability": 0.5 / (i - 250)} if i > 250 else {}
-        file.write({"phase": "pca", "decisions": i, "frames": 4 * i, "batches": i, **stability})
-        agreement = {"stability": 0.9, "leaves": 12} if i > 250 else {"leaves": 12}
-        file.write({"phase": "birch", "decisions": 300 + i, "frames": 4 * i, "batches": i, **agreement})
+        file.write({"phase": "reduction", "decisions": i, "batches": i, **stability})
+        agreement = {"stability": 0.9, "clusters": 12} if i > 250 else {"clusters": 12}
+        file.write({"phase": "clustering", "decisions": 300 + i, "batches": i, **agreement})
     for i, value in enumerate(RETURNS):
         row = {"episode": i + 1, "policy": "agent", "return": value, "loss": float("nan"), "decisions": 1900 + 1000 * i}
-        file.write({"phase": "agent", "frames": 4 * row["decisions"], **row})
+        file.write({"phase": "agent", **row})
     file.close()
 
 
@@ -50,14 +53,14 @@ def gallery_arrays():
     classes = [np.array([0, 11]), np.empty(0, np.int64)]
     edges = [np.array([[0, 1]]), np.empty((0, 2), np.int64)]
     return {
-        "meta": json_to_array({"view": "embedding", "names": [], "seed": 0, "decisions": 5900, "played": 1000}),
+        "meta": json_to_array({"encoder": "scene", "names": [], "seed": 0, "decisions": 5900, "played": 1000}),
         "frames": rng.integers(0, 255, (2, 210, 168, 3), dtype=np.uint8),
         "greys": rng.integers(0, 255, (2, 84, 84), dtype=np.uint8),
         "vectors": rng.normal(size=(2, 10)).astype(np.float32),
         "palette": np.array([(1, 2, 3), (171, 205, 239)], np.uint8),
         "threshold": np.array(101.5),
         "explained_variance_ratio": np.array([0.75, 0.125]),
-        "n_leaves": np.array(14),
+        "n_clusters": np.array(14),
         "class_numbers": np.array([0, 11]),
         "class_counts": np.array([9, 99]),
         "centres": rng.random((2, 8, 8)),
@@ -108,6 +111,19 @@ def test_numbers_of_perception_are_on_the_page(whole):
     assert words.index("99") < words.index("Path to stability")
 
 
+@pytest.mark.parametrize("encoder", ENCODERS.names()[:7])
+def test_every_encoder_has_a_sentence(tmp_path, encoder):
+    run = make_run(tmp_path / "run", gallery=False)
+    images = len(ENCODERS.load(encoder)(SEEN, rom="pong").space.shape) == 2
+    arrays = gallery_arrays()
+    meta = {"encoder": encoder, "names": [], "seed": 0, "decisions": 5900, "played": 1000}
+    vectors = arrays.pop("vectors")
+    shown = {"shown": arrays["greys"]} if images else {"vectors": vectors}
+    write_arrays(run / "gallery.npz", {**arrays, **shown, "meta": json_to_array(meta)})
+    text, page = page_of(run)
+    assert wording.SEES[encoder] in page.words and text.count("What the agent is shown of it") == 2
+
+
 def test_it_needs_nothing_else(whole):
     assert all(url.startswith(("data:", "#")) for url in whole[1].fetched)
     assert not re.search(r"""(src|href)\s*=\s*["']?\s*(https?:)?//""", whole[0])
@@ -132,8 +148,8 @@ def test_boxes_lie_where_the_frame_has_the_object(whole):
 
 def test_changed_settings_come_before_the_others(whole):
     changed, rest = whole[0].split("at their defaults</summary>")
-    assert "<code>frames</code></th><td>40000</td>" in changed
-    assert "<code>agent.batch_size</code>" in rest and "<code>agent.batch_size</code>" not in changed
+    assert "<code>decisions</code></th><td>10000</td>" in changed
+    assert "<code>dqn.batch_size</code>" in rest and "<code>dqn.batch_size</code>" not in changed
 
 
 def test_provenance_is_folded_in(whole):
@@ -157,10 +173,10 @@ def test_what_is_missing_is_said(tmp_path):
 def test_an_early_run_has_no_path_yet(tmp_path):
     run = make_run(tmp_path / "early", metrics=False)
     file = MetricsFile(run / "metrics.csv")
-    file.write({"phase": "pca", "decisions": 1, "frames": 4, "batches": 1})
+    file.write({"phase": "reduction", "decisions": 1, "batches": 1})
     file.close()
     words = page_of(run)[1].words
-    assert "PCA has not been compared yet" in words
+    assert "Reduction has not been compared yet" in words
     assert "has not finished an episode yet" in words
 
 
@@ -171,7 +187,7 @@ def test_a_run_with_a_map_tells_how_far_it_sees_ahead(tmp_path):
     run = make_run(tmp_path / "run", model="ram-map")
     assert "semrl foresee" not in words(make_run(tmp_path / "other"))
     file = MetricsFile(run / "metrics.csv")
-    file.write({"phase": "agent", "decisions": 9000, "frames": 36000, "episode": 6, "return": 1.0, "map_nodes": 12})
+    file.write({"phase": "agent", "decisions": 9000, "episode": 6, "return": 1.0, "map_nodes": 12})
     file.close()
     assert f"semrl foresee {run}" in words(run)
     told = {"decisions": 2345, "explained": {"1": 0.99, "20": -0.5}, "balanced_accuracy": 0.9}
@@ -189,7 +205,7 @@ def test_games_of_the_planner_are_not_the_agents(tmp_path):
     file = MetricsFile(run / "metrics.csv", n_rows=len(read_metrics(run / "metrics.csv")))
     for i in range(10):
         row = {"episode": 6 + i, "policy": "planner", "return": 21.0, "decisions": 9000 + i}
-        file.write({"phase": "agent", "frames": 4 * row["decisions"], **row})
+        file.write({"phase": "agent", **row})
     file.close()
     after = page_of(run)[1].words
     assert "Mean return of the 5 training episodes: −18." in before and "Mean return of the 5 training" in after

@@ -5,9 +5,8 @@ import tomllib
 import pytest
 
 from semrl.core.errors import UsageError
-from semrl.perception.config import MODELS
 from semrl.training import PRESETS, RunConfig, preset
-from semrl.training.config import from_dict, read_toml, to_dict, write_toml
+from semrl.training.config import MODELS, from_dict, read_toml, to_dict, write_toml
 
 
 def stored(name):
@@ -66,14 +65,14 @@ def test_every_setting_is_written_though_it_has_its_default():
 
 
 def test_overrides_win_over_the_table_of_the_model_and_the_preset():
-    config = preset("semrl", "ram", {"agent": {"n_steps": 9}})
-    assert config.agent == dataclasses.replace(preset("semrl", "ram").agent, n_steps=9)
+    config = preset("semrl", "ram", {"dqn": {"n_steps": 9}})
+    assert config.dqn == dataclasses.replace(preset("semrl", "ram").dqn, n_steps=9)
 
 
 def test_a_file_may_hold_tables_of_models_too():
-    tables = {"ram": {"agent": {"n_steps": 7}}, "otsu": {"agent": {"n_steps": 8}}}
-    overrides = {"agent": {"n_steps": 9}, "models": tables}
-    assert [preset("semrl", model, overrides).agent.n_steps for model in ("ram", "otsu", "birch")] == [7, 8, 9]
+    tables = {"ram": {"dqn": {"n_steps": 7}}, "otsu": {"dqn": {"n_steps": 8}}}
+    overrides = {"dqn": {"n_steps": 9}, "models": tables}
+    assert [preset("semrl", model, overrides).dqn.n_steps for model in ("ram", "otsu", "birch")] == [7, 8, 9]
     with pytest.raises(UsageError, match=r"unknown setting 'models\.rma'; did you mean 'models\.ram'"):
         preset("semrl", "ram", {"models": {"rma": {}}})
     with pytest.raises(UsageError, match="holds a table for each model"):
@@ -88,15 +87,20 @@ def test_the_model_of_an_override_chooses_the_table():
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ({"frame": 3}, "unknown setting 'frame'; did you mean 'frames'"),
-        ({"agent": {"batchsize": 3}}, "unknown setting 'agent.batchsize'; did you mean 'agent.batch_size'"),
-        ({"agent": 3}, "agent"),
+        ({"decision": 3}, "unknown setting 'decision'; did you mean 'decisions'"),
+        ({"dqn": {"batchsize": 3}}, "unknown setting 'dqn.batchsize'; did you mean 'dqn.batch_size'"),
+        ({"dqn": 3}, "dqn"),
+        ({"agent": "dnq"}, "there is no 'dnq' among the agents; did you mean 'dqn'"),
+        ({"encoder": "gray"}, "there is no 'gray' among the encoders; did you mean 'grey'"),
+        ({"perception": {"embedder": "word2vec"}}, "there is no 'word2vec' among the embedders"),
+        ({"planning": {"world_model": "tree"}}, "there is no 'tree' among the world models; did you mean 'trees'"),
+        ({"device": "gpu"}, "device"),
         ({"decisions": "many"}, "decisions"),
         ({"decisions": 1.5}, "decisions"),
-        ({"agent": {"double": 1}}, "double"),
-        ({"agent": {"network": {"hidden_units": ["a"]}}}, "hidden_units"),
+        ({"dqn": {"double": 1}}, "double"),
+        ({"dqn": {"network": {"hidden_units": ["a"]}}}, "hidden_units"),
         ({"model": "ramm"}, "model"),
-        ({"pipeline": {"hashed": {"dimension": 0}}}, "dimension must be 1 or more"),
+        ({"perception": {"hashed": {"dimension": 0}}}, "dimension must be 1 or more"),
     ],
 )
 def test_wrong_values_are_named_with_their_source(values, said):
@@ -126,10 +130,10 @@ NOT_A_NUMBER = float("nan")
         {"environment": {"frame_skip": 0}},
         {"environment": {"sticky_actions": 1.5}},
         {"environment": {"max_noops": -1}},
-        {"pipeline": {"detection": {"threshold_frames": 0}}},
-        {"pipeline": {"pca": {"components": 0}}},
-        {"pipeline": {"birch": {"max_classes": 0}}},
-        {"pipeline": {"scene": {"proximity_px": NOT_A_NUMBER}}},
+        {"perception": {"otsu": {"threshold_frames": 0}}},
+        {"perception": {"pca": {"components": 0}}},
+        {"perception": {"birch": {"max_classes": 0}}},
+        {"perception": {"scene": {"proximity_px": NOT_A_NUMBER}}},
     ],
 )
 def test_impossible_values_are_refused(wrong):
@@ -141,7 +145,7 @@ def test_the_smallest_budget_is_one_decision():
     assert from_dict({"decisions": 1}, source="test").decisions == 1
 
 
-@pytest.mark.parametrize("content", [b"frames = ", b"[agent\n", b"\xff\xfe", b"frames = 1\nframes = 2"])
+@pytest.mark.parametrize("content", [b"frames = ", b"[dqn\n", b"\xff\xfe", b"frames = 1\nframes = 2"])
 def test_files_that_are_no_toml_are_named(tmp_path, content):
     path = tmp_path / "bad.toml"
     path.write_bytes(content)
@@ -153,6 +157,22 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
     for path in (tmp_path / "none.toml", tmp_path):
         with pytest.raises(UsageError, match=f"cannot read {path}"):
             read_toml(path)
+
+
+def test_a_models_encoder_can_be_another():
+    thesis, ours = preset("thesis", "semantic"), preset("semrl", "semantic")
+    assert (thesis.encoder, thesis.encoder_name) == ("auto", "scene")
+    assert (ours.encoder, ours.encoder_name) == ("tracked_scene", "tracked_scene")
+    assert preset("semrl", "baseline", {"encoder": "classes"}).encoder_name == "classes"
+    assert [preset("thesis", model).plans for model in ("semantic", "semantic-map", "ram-map")] == [False, True, True]
+
+
+def test_parameters_of_boxes_that_others_add_are_not_checked_here():
+    options = {"mine": {"depth": 3, "names": ["a"]}}
+    config = from_dict({"options": options, "perception": {"options": options}}, source="test")
+    assert config.options == config.perception.options == options
+    with pytest.raises(UsageError, match=r"unknown setting 'perception\.option'; did you mean 'perception\.options'"):
+        from_dict({"perception": {"option": options}}, source="test")
 
 
 def test_unknown_presets_and_models_are_named():

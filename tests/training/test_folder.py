@@ -11,8 +11,15 @@ from semrl.training.folder import FORMAT, Checkpoint
 
 
 def checkpoint(decisions):
-    arrays = {"decisions": np.array(decisions), "agent/x": np.full(3, decisions)}
-    return Checkpoint(arrays=arrays, metrics_rows=decisions + 1, seconds=0.5)
+    arrays = {
+        "decisions": np.array(decisions),
+        "agent/x": np.full(3, decisions),
+        "agent/replay": np.zeros(9),
+        "planning/trees": np.ones(2),
+        "planning/experience": np.ones(5),
+    }
+    playable = frozenset({"decisions", "agent/x", "planning/trees"})
+    return Checkpoint(arrays=arrays, metrics_rows=decisions + 1, seconds=0.5, playable=playable)
 
 
 @pytest.fixture
@@ -93,7 +100,26 @@ def test_the_newest_checkpoints_are_kept(run):
     loaded = run.load()
     assert digest(loaded.arrays) == digest(checkpoint(1_000_000).arrays)
     assert loaded.metrics_rows == 1_000_001 and loaded.seconds == 0.5
-    assert run.load(prefixes=("agent/",)).arrays.keys() == {"agent/x"}
+    assert loaded.playable == checkpoint(5).playable
+
+
+def test_of_a_checkpoint_only_what_play_needs_is_read(run):
+    run.save(checkpoint(5))
+    assert run.load(play_only=True).arrays.keys() == {"decisions", "agent/x", "planning/trees"}
+    both = run.load(play_only=True, memory=True)
+    assert both.arrays.keys() == {"decisions", "agent/x", "planning/trees", "planning/experience"}
+    np.testing.assert_array_equal(both.arrays["planning/experience"], np.ones(5))
+
+
+def test_milestones_stay_while_checkpoints_go(run):
+    for decisions in (5, 6, 7, 8):
+        run.save(checkpoint(decisions))
+        if decisions < 7:
+            run.save_milestone(checkpoint(decisions))
+    assert list(run.milestones()) == [5, 6] and len(run.checkpoints()) == 2
+    assert run.load(5, play_only=True).arrays["agent/x"].tolist() == [5, 5, 5]
+    with pytest.raises(UsageError, match="has no milestone of decision 7, there are those of decisions 5, 6"):
+        run.load(7)
 
 
 def test_a_damaged_checkpoint_names_the_one_before(run):
@@ -119,7 +145,7 @@ def test_a_checkpoint_without_its_meta_is_refused(run, meta):
 
 
 def test_a_checkpoint_of_another_version_is_refused(run):
-    meta = json_to_array({"format": FORMAT + 1, "metrics_rows": 1, "seconds": 0.0})
+    meta = json_to_array({"format": FORMAT + 1, "metrics_rows": 1, "seconds": 0.0, "playable": []})
     write_arrays(run.path / "checkpoints" / "0000000005.npz", checkpoint(5).arrays | {"meta": meta})
     with pytest.raises(UsageError, match="has format"):
         run.load()

@@ -7,7 +7,7 @@ from semrl.training.metrics import COLUMNS, MetricsFile, read_metrics
 
 
 def row(decisions):
-    return {"phase": "agent", "decisions": decisions, "frames": 4 * decisions, "return": -1.5}
+    return {"phase": "agent", "decisions": decisions, "return": -1.5}
 
 
 @pytest.fixture
@@ -22,9 +22,39 @@ def path(tmp_path):
 def test_rows_come_back(path):
     rows = read_metrics(path)
     assert [int(r["decisions"]) for r in rows] == list(range(5))
-    assert all(tuple(r) == COLUMNS and r["return"] == "-1.5" and r["loss"] == "" for r in rows)
+    assert all(tuple(r) == COLUMNS and r["return"] == "-1.5" and r["clusters"] == "" for r in rows)
     with path.open(newline="") as file:
         assert list(csv.DictReader(file)) == rows
+
+
+def test_a_column_that_is_new_is_added_to_all_rows(path):
+    metrics = MetricsFile(path, n_rows=5)
+    metrics.write(row(5) | {"loss": 0.25, "map_nodes": 3})
+    assert [r["loss"] for r in read_metrics(path)] == [""] * 5 + ["0.25"]  # at once: people watch the file grow
+    metrics.write(row(6) | {"map_nodes": 4, "seconds_map": 1.5})
+    metrics.write(row(7))
+    metrics.close()
+    rows = read_metrics(path)
+    assert all(tuple(r) == (*COLUMNS, "loss", "map_nodes", "seconds_map") for r in rows)
+    assert [r["decisions"] for r in rows] == [str(i) for i in range(8)]
+    assert [r["map_nodes"] for r in rows] == [""] * 5 + ["3", "4", ""]
+    assert metrics.n_rows == 8 and all(r["return"] == "-1.5" for r in rows)
+
+
+@pytest.mark.parametrize("kept", [3, 6, 7])
+def test_columns_are_there_again_after_a_resume(path, kept):
+    """Those that only rows have which no checkpoint knows go with them, or stay empty; the same are written again."""
+    metrics = MetricsFile(path, n_rows=5)
+    for i in (5, 6):
+        metrics.write(row(i) | {"loss": 0.25 * i})
+    metrics.close()
+    again = MetricsFile(path, n_rows=kept)
+    for i in range(kept, 8):
+        again.write(row(i) | ({"loss": 0.25 * i} if i > 4 else {}))
+    again.close()
+    rows = read_metrics(path)
+    assert [r["loss"] for r in rows] == [""] * 5 + ["1.25", "1.5", "1.75"]
+    assert [r["decisions"] for r in rows] == [str(i) for i in range(8)]
 
 
 def test_rows_that_no_checkpoint_knows_are_dropped(path):
@@ -66,7 +96,7 @@ def test_damage_is_told(path, damage):
 
 def test_other_columns_are_told(path):
     path.write_text("a,b\n1,2\n")
-    with pytest.raises(SemrlError, match="does not have the columns"):
+    with pytest.raises(SemrlError, match="does not begin with the columns"):
         read_metrics(path)
 
 

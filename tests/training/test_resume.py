@@ -18,26 +18,31 @@ from semrl.training.session import limited_threads
 
 SEMRL = [sys.executable, "-c", "import sys; from semrl.cli import main; sys.exit(main())"]
 DOC2VEC = {
-    "pipeline__embedding": "doc2vec",
-    "pipeline__doc2vec__documents": 12,
-    "pipeline__doc2vec__epochs": 2,
-    "pipeline__doc2vec__dimension": 8,
+    "perception__embedder": "doc2vec",
+    "perception__doc2vec__documents": 12,
+    "perception__doc2vec__epochs": 2,
+    "perception__doc2vec__dimension": 8,
 }
-REHEARSAL = {"reasoning__models__rehearsal_states": 60, "reasoning__models__reward__kind": "network"}
-TRACKED = {
-    "pipeline__scene__tracked": True,
-    "reasoning__world": "trees",
-    "reasoning__planner_every": 2,
-    "reasoning__short_term__scenarios": 6,
-    "reasoning__trees__first_decisions": 40,
-    "reasoning__trees__new_decisions": 30,
+REHEARSAL = {"planning__networks__rehearsal_states": 60, "planning__networks__reward__kind": "network"}
+OBJECTS = {
+    "planning__world_model": "trees",
+    "planning__planner_every": 2,
+    "planning__scenarios__scenarios": 6,
+    "planning__trees__first_decisions": 40,
+    "planning__trees__new_decisions": 30,
 }
 THESIS_MODELS = {
-    "reasoning__models__rehearsal_states": 0,
-    "reasoning__models__reward__kind": "svm",
-    "reasoning__models__next_state__predict_change": False,
+    "planning__networks__rehearsal_states": 0,
+    "planning__networks__reward__kind": "svm",
+    "planning__networks__next_state__predict_change": False,
 }
-RICH_AGENT = {"agent__heads": 3, "agent__head_decisions": 5, "agent__reward_share": 0.5}
+TRACKED = OBJECTS | {"encoder": "tracked_scene"}
+TRACKED_DOC2VEC = DOC2VEC | {"encoder": "tracked_scene"}
+STORED = {"stability__decisions": 45}
+RICH_AGENT = {"dqn__heads": 3, "dqn__head_decisions": 5, "dqn__reward_share": 0.5}
+
+
+LEARNED = ("detection", "reduction", "clustering")
 
 
 class Rows:
@@ -58,16 +63,18 @@ class Rows:
     ("model", "changes", "phases"),
     [
         ("baseline", {}, {"agent"}),
-        ("otsu", {}, {"threshold", "agent"}),
-        ("birch", {}, {"threshold", "pca", "birch", "agent"}),
-        ("semantic", RICH_AGENT, {"threshold", "pca", "birch", "scenery", "agent"}),
-        ("semantic", DOC2VEC, {"threshold", "pca", "birch", "scenery", "documents", "agent"}),
-        ("semantic-map", REHEARSAL, {"threshold", "pca", "birch", "scenery", "agent"}),
-        ("semantic-map", THESIS_MODELS, {"threshold", "pca", "birch", "scenery", "agent"}),
-        ("semantic-map", TRACKED, {"background", "pca", "birch", "roles", "agent"}),
-        ("objects", RICH_AGENT, {"background", "pca", "birch", "roles", "agent"}),
-        ("objects-map", TRACKED | {"stability__decisions": 45}, {"play", "agent"}),
+        ("otsu", {}, {"detection", "agent"}),
+        ("birch", {}, {*LEARNED, "agent"}),
+        ("semantic", RICH_AGENT, {*LEARNED, "scenery", "agent"}),
+        ("semantic", DOC2VEC, {*LEARNED, "scenery", "embedding", "agent"}),
+        ("semantic", TRACKED_DOC2VEC, {*LEARNED, "roles", "embedding", "agent"}),
+        ("semantic-map", REHEARSAL, {*LEARNED, "scenery", "agent"}),
+        ("semantic-map", THESIS_MODELS, {*LEARNED, "scenery", "agent"}),
+        ("semantic-map", TRACKED, {*LEARNED, "roles", "agent"}),
+        ("objects", RICH_AGENT, {*LEARNED, "roles", "agent"}),
+        ("objects-map", OBJECTS | STORED, {"play", "agent"}),
         ("ram", RICH_AGENT, {"agent"}),
+        ("ram-map", OBJECTS, {"agent"}),
     ],
     ids=[
         "baseline",
@@ -75,25 +82,27 @@ class Rows:
         "birch",
         "semantic",
         "semantic-doc2vec",
+        "semantic-tracked-doc2vec",
         "semantic-map",
         "semantic-map-svm",
         "semantic-map-tracked",
         "objects",
-        "objects-map-studied",
+        "objects-map-stored",
         "ram",
+        "ram-map",
     ],
 )
 def test_state_moved_through_files_goes_on_bit_for_bit(tmp_path, tiny, model, changes, phases):
     """Every few decisions a fresh trainer takes over what the one before has written."""
-    if "pipeline__embedding" in changes:
+    if "perception__embedder" in changes:
         pytest.importorskip("gensim")
-    config = tiny(model, decisions=110, **changes)
+    config = tiny(model, decisions=130 if changes.get("encoder") else 110, **changes)
     whole, parts = Rows(), Rows()
     with limited_threads(1):
         unbroken = build_trainer(config, [whole])
         unbroken.run()
         seen, path = set(), tmp_path / "state.npz"
-        for until in itertools.count(1, 36 if model == "ram" else 9):  # an emulator starts slowly
+        for until in itertools.count(1, 36 if model.startswith("ram") else 9):  # an emulator starts slowly
             trainer = build_trainer(config, [parts])
             if path.exists():
                 trainer.from_arrays(read_arrays(path))
@@ -109,19 +118,23 @@ def test_state_moved_through_files_goes_on_bit_for_bit(tmp_path, tiny, model, ch
     assert digest(trainer.to_arrays()) == digest(unbroken.to_arrays())
 
 
-LENGTHS = {"threshold": 100, "pca": 100, "birch": 100, "agent": 250}
+LENGTHS = {"detection": 100, "reduction": 100, "clustering": 100, "roles": 60, "agent": 250}
 """Decisions of the phases of the run that is killed: no stability test is ever passed."""
 N_DECISIONS = sum(LENGTHS.values())
 
 
 @pytest.fixture
 def slow_config(tiny):
+    """Of a run with all that there is to save: tracks, an agent, a map, a world model."""
     return tiny(
+        "semantic-map",
         decisions=N_DECISIONS,
         checkpoint_seconds=0.03,
-        pipeline__detection__threshold_frames=LENGTHS["threshold"],
+        perception__foreground__background_frames=LENGTHS["detection"],
+        perception__roles__frames=LENGTHS["roles"],
         stability__batches=20,
-        stability__max_batches=LENGTHS["pca"],
+        stability__max_batches=LENGTHS["reduction"],
+        **TRACKED,
     )
 
 
@@ -169,4 +182,5 @@ def decisions(run):
 
 
 def measured(run):
-    return [{**row, "seconds": ""} for row in read_metrics(run / "metrics.csv")]
+    rows = read_metrics(run / "metrics.csv")
+    return [{name: value for name, value in row.items() if not name.startswith("seconds")} for row in rows]

@@ -7,11 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
+from semrl.core import files
 from semrl.core.arrays import digest
 from semrl.core.errors import SemrlError, UsageError
-from semrl.training import RunFolder, files, train
-from semrl.training.folder import weights
+from semrl.training import RunFolder, train
+from semrl.training.config import write_toml
 from semrl.training.metrics import read_metrics
 from semrl.training.session import build_trainer
 
@@ -46,7 +48,7 @@ def test_a_run_tells_what_it_did(semantic_run, tiny):
     assert result["decisions"] == 150 and result["frames"] == 600
     table = read_metrics(semantic_run / "metrics.csv")
     phases = [row["phase"] for row in table]
-    assert sorted(set(phases), key=phases.index) == ["threshold", "pca", "birch", "scenery", "agent"]
+    assert sorted(set(phases), key=phases.index) == ["detection", "reduction", "clustering", "scenery", "agent"]
     returns = [float(row["return"]) for row in table if row["phase"] == "agent"]
     assert len(returns) == result["episodes"] > 0
     assert result["return_mean_last10"] == pytest.approx(np.mean(returns[-10:]))
@@ -99,8 +101,8 @@ def test_signals_are_granted_between_two_decisions(tmp_path, tiny, semantic_run,
 
 def test_a_loss_that_is_no_number_fails_and_keeps_the_checkpoint(tmp_path, tiny):
     path = tmp_path / "run"
-    with pytest.raises(SemrlError, match=r"diverged; try a smaller --agent\.learning-rate"):
-        train(path, tiny(agent__learning_rate=1e30, checkpoint_seconds=0.0))
+    with pytest.raises(SemrlError, match=r"diverged; try a smaller --dqn\.learning-rate"):
+        train(path, tiny(dqn__learning_rate=1e30, checkpoint_seconds=0.0))
     run = RunFolder.open(path)
     assert run.manifest()["status"] == "failed"
     kept = run.load().arrays
@@ -108,7 +110,8 @@ def test_a_loss_that_is_no_number_fails_and_keeps_the_checkpoint(tmp_path, tiny)
     build_trainer(run.config()).from_arrays(kept)
 
 
-def test_weights_that_are_no_numbers_are_never_saved(tmp_path, tiny):
+@pytest.mark.parametrize("milestones", [(), (50, 65)])
+def test_weights_that_are_no_numbers_are_never_saved(tmp_path, tiny, milestones):
     path = tmp_path / "run"
 
     class Spoiler(AtDecision):
@@ -116,9 +119,11 @@ def test_weights_that_are_no_numbers_are_never_saved(tmp_path, tiny):
             if trainer.decisions_ == 60:
                 next(trainer.agent.network.parameters()).data.fill_(np.nan)
 
+    config = replace(tiny(dqn__initial_buffer=10_000, decisions=75), milestones=milestones)
     with pytest.raises(SemrlError, match="no longer numbers"):
-        train(path, tiny(agent__initial_buffer=10_000, decisions=75), observers=[Spoiler(0, None)])
+        train(path, config, observers=[Spoiler(0, None)])
     assert int(RunFolder.open(path).load().arrays["decisions"]) < 60
+    assert list(RunFolder.open(path).milestones()) == [m for m in milestones if m < 60]
 
 
 @pytest.mark.parametrize("part", ["next_state", "reward"])
@@ -126,11 +131,11 @@ def test_models_of_the_world_that_are_no_numbers_are_never_saved(tmp_path, tiny,
     class Spoiler(AtDecision):
         def on_decision(self, trainer):
             if trainer.decisions_ == 60:
-                network = getattr(trainer.reasoner.world, part).network
+                network = getattr(trainer.planning.world_model, part).network
                 next(network.layers.parameters()).data.fill_(np.nan)
 
-    config = tiny("semantic-map", decisions=75, reasoning__models__reward__kind="network")
-    with pytest.raises(SemrlError, match=f"try a smaller --reasoning.models.{part.replace('_', '-')}.learning-rate"):
+    config = tiny("semantic-map", decisions=75, planning__networks__reward__kind="network")
+    with pytest.raises(SemrlError, match="the world model's weights are no longer numbers"):
         train(tmp_path / "run", config, observers=[Spoiler(0, None)])
 
 
@@ -182,7 +187,8 @@ def test_a_crash_at_any_write_costs_nothing(tmp_path, tiny, monkeypatch):
             train(path, config)
         train(path)
         assert hashes(path) == hashes(tmp_path / "whole") and rows(path) == rows(tmp_path / "whole")
-        assert digest(weights(RunFolder.open(path).load().arrays)) == hashes(path)["weights"]
+        kept = RunFolder.open(path).load(play_only=True).arrays
+        assert digest(kept) == hashes(path)["weights"]
 
 
 def test_a_checkpoint_of_another_configuration_is_refused(tmp_path, tiny, baseline_run):
@@ -204,6 +210,61 @@ def test_what_cannot_work_leaves_no_folder(tmp_path, tiny):
         with pytest.raises(UsageError):
             train(tmp_path / "run", config)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_planner_needs_facts(tmp_path, tiny):
+    with pytest.raises(UsageError, match="a planner needs facts to reason about, and the encoder 'classes' has none"):
+        train(tmp_path / "run", tiny("objects-map", encoder="classes"))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_device_that_is_not_there_is_told_before_anything_is_written(tmp_path, tiny):
+    missing = "mps" if torch.cuda.is_available() else "cuda"
+    with pytest.raises(UsageError, match=f"device '{missing}' is not there; this machine has cpu"):
+        train(tmp_path / "run", tiny("baseline", device=missing))
+    assert list(tmp_path.iterdir()) == []
+    assert build_trainer(tiny("baseline", device="cpu")).agent.device == torch.device("cpu")
+
+
+def test_an_encoder_may_be_another_than_the_models(tmp_path, tiny):
+    result = train(tmp_path / "run", tiny("baseline", encoder="objects", decisions=100))
+    assert result.model == "baseline" and build_trainer(RunFolder.open(tmp_path / "run").config()).encoder.perception
+    phases = [row["phase"] for row in read_metrics(tmp_path / "run" / "metrics.csv")]
+    assert list(dict.fromkeys(phases))[:4] == ["detection", "reduction", "clustering", "roles"]
+
+
+@pytest.mark.parametrize("name", ["semantic_run", "tracked_run"])
+def test_a_finished_run_keeps_what_play_map_and_world_model_need(request, name):
+    folder = RunFolder.open(request.getfixturevalue(name))
+    assert len(folder.checkpoints()) == 1
+    kept = folder.load()
+    trainer = build_trainer(folder.config())
+    trainer.load_inference(kept.arrays)
+    assert kept.playable == trainer.inference_arrays().keys()
+    assert kept.arrays.keys() == kept.playable | trainer.memory_arrays().keys()
+    assert digest({name: kept.arrays[name] for name in kept.playable}) == hashes(folder.path)["weights"]
+    assert not any(name.startswith(("agent/replay", "agent/optimiser", "game/")) for name in kept.arrays)
+
+
+@pytest.mark.parametrize("model", ["semantic", "objects-map"])
+def test_a_milestone_holds_what_play_needs_and_no_more(tmp_path, tiny, model):
+    """One before perception is ready, one after."""
+    train(tmp_path / "run", replace(tiny(model, decisions=120), milestones=(20, 110)))
+    folder = RunFolder.open(tmp_path / "run")
+    for at, perceiving in ((20, True), (110, False)):
+        kept = folder.load(at)
+        assert kept.arrays.keys() == kept.playable and bool(kept.arrays["perceiving"]) == perceiving
+        assert int(kept.arrays["decisions"]) == at
+
+
+def test_a_budget_that_is_raised_ends_like_one_that_was_given_at_once(tmp_path, tiny, semantic_run):
+    """The run is stopped before its budget is spent: what a finished one has dropped cannot be learned on from."""
+    short = tiny(decisions=100)
+    with pytest.raises(SemrlError, match="stopped"):
+        train(tmp_path / "run", short, observers=[AtDecision(70, _interrupt)])
+    (tmp_path / "run" / "config.toml").write_text(write_toml(tiny()))
+    train(tmp_path / "run")
+    assert hashes(tmp_path / "run") == hashes(semantic_run)
 
 
 def test_two_processes_cannot_train_one_run(tmp_path, tiny):

@@ -1,32 +1,51 @@
-"""Play that is remembered: studied by perception stage by stage, recalled by map and models."""
+"""Stored play: perception learns from it stage by stage, then map and world model do."""
 
 import dataclasses
 
 import numpy as np
 import pytest
 
+from semrl.core import State
+from semrl.core.arrays import digest
 from semrl.core.errors import SemrlError
 from semrl.envs import Game, make_env
-from semrl.perception.config import PipelineConfig
-from semrl.perception.detection.grey import to_grey
-from semrl.perception.pipeline import Pipeline
-from semrl.perception.pretraining.schedule import Schooling
+from semrl.perception.config import PerceptionConfig
+from semrl.perception.encoders import ENCODERS
+from semrl.perception.pretraining.schedule import PretrainingSchedule
 from semrl.perception.pretraining.stability import StabilityConfig
-from semrl.planning.module import Reasoner, ReasoningConfig
-from semrl.training.stored_play import played_from_arrays, played_to_arrays, recall, study
+from semrl.planning.module import PlanningConfig, PlanningModule
+from semrl.training.loop import Frames
+from semrl.training.stored_play import play_again, pretrain, stored_from_arrays, stored_to_arrays, warm_start
 
 
-class Notes(Schooling):
+class Notes(PretrainingSchedule):
     """Notes what it is shown, stage by stage."""
 
-    def __init__(self, pipeline, config):
-        super().__init__(pipeline, config)
+    def __init__(self, encoder, config):
+        super().__init__(encoder.stages(config), config)
         self.shown = {}
 
     def learn(self, observation, action=None):
         noted = self.shown.setdefault(self.current.name, [])
         noted.append((observation.frame.tobytes(), action))
         return super().learn(observation, action)
+
+
+class Bytes:
+    """An encoder whose states are the first bytes of the frame and how many were shown in this episode."""
+
+    def begin(self):
+        return BytesEpisode()
+
+
+class BytesEpisode:
+    def __init__(self):
+        self.shown = 0
+
+    def encode(self, observation):
+        facts = np.append(np.frombuffer(observation.frame.tobytes(), np.uint8)[:8], self.shown).astype(np.float32)
+        self.shown += 1
+        return State(vector=facts, facts=facts)
 
 
 @pytest.fixture
@@ -45,55 +64,68 @@ def played():
     return game, episodes, diary
 
 
-def test_every_stage_studies_the_play_from_its_beginning_and_over_again(played):
+def test_stored_play_is_played_again_as_it_was(played):
     game, episodes, diary = played
-    pipeline = Pipeline(PipelineConfig(), "classes")
-    schooling = Notes(pipeline, StabilityConfig(batches=120, decisions=100))
-    assert schooling.stages[0].name == "play" and not schooling.studies
-    while not schooling.studies:
-        schooling.learn(game.reset())
-    stages = list(study(game, pipeline, schooling, episodes))
-    assert schooling.current is None
+    for episode, seen in zip(episodes, diary, strict=True):
+        steps = list(play_again(game, Frames(), episode))
+        assert [(s.observation.frame.tobytes(), s.action, s.reward) for s in steps] == seen
+        assert [s.number for s in steps] == list(range(len(seen)))
+
+
+@pytest.mark.parametrize("name", ["classes", "objects"])
+def test_every_stage_learns_from_the_play_from_its_beginning_and_over_again(played, name):
+    game, episodes, diary = played
+    encoder = ENCODERS.load(name)(PerceptionConfig())
+    schedule = Notes(encoder, StabilityConfig(batches=120, decisions=100))
+    assert schedule.stages[0].name == "play" and not schedule.uses_stored_play
+    while not schedule.uses_stored_play:
+        schedule.learn(game.reset())
+    stages = list(pretrain(game, schedule, episodes))
+    assert schedule.current is None and encoder.is_fitted
     whole = [(frame, action) for seen in diary for frame, action, _ in seen]
-    assert list(dict.fromkeys(stage.name for stage in stages)) == ["threshold", "pca", "birch"]
-    for name in ("threshold", "pca", "birch"):
-        shown = schooling.shown[name]
+    names = [stage.name for stage in schedule.stages[1:]]
+    assert list(dict.fromkeys(stage.name for stage in stages)) == names
+    for stage in names:
+        shown = schedule.shown[stage]
         assert shown == (whole * (len(shown) // len(whole) + 1))[: len(shown)]
-    assert len(schooling.shown["pca"]) > 120 > len(whole)  # so it was seen more than once
+    assert len(schedule.shown["reduction"]) > 120 > len(whole)  # so it was seen more than once
 
 
 def test_play_without_anything_to_learn_from_is_told(played):
     game, episodes, _ = played
-    pipeline = Pipeline(PipelineConfig(), "classes")
-    pipeline.detector.partial_fit(to_grey(game.reset().frame))
-    nothing = pipeline.detect(game.reset())
-    pipeline.detect = lambda _: dataclasses.replace(nothing, crops=nothing.crops[:0])
-    schooling = Schooling(pipeline, StabilityConfig(batches=20, max_batches=150, decisions=1))
-    schooling.learn(game.reset())
-    with pytest.raises(SemrlError, match="'pca' finds nothing to learn from in 100 decisions"):
-        list(study(game, pipeline, schooling, episodes))
+    encoder = ENCODERS.load("classes")(PerceptionConfig())
+    detector = encoder.perception.detector
+    detector.partial_fit(game.reset().frame)
+    nothing = detector.detect(game.reset().frame)
+    detector.detect = lambda _: dataclasses.replace(nothing, crops=nothing.crops[:0])
+    config = StabilityConfig(batches=20, max_batches=150, decisions=1)
+    schedule = PretrainingSchedule(encoder.stages(config), config)
+    schedule.learn(game.reset())
+    with pytest.raises(SemrlError, match="'reduction' finds nothing to learn from in 100 decisions"):
+        list(pretrain(game, schedule, episodes))
 
 
-def test_recalled_play_is_learned_as_if_it_had_been_played(played):
+def test_a_warm_start_learns_as_if_the_play_had_been_the_agents(played):
     game, episodes, diary = played
-    pipeline = Pipeline(PipelineConfig(), "grey")
-    pipeline.encode = lambda observation: np.frombuffer(observation.frame.tobytes(), np.uint8)[:8].astype(np.float32)
-    reasoner, learned = Reasoner(ReasoningConfig(), 8, 2, seed=0), []
-    reasoner.learn = lambda trajectory: learned.append(trajectory) or {}
-    recall(game, pipeline, reasoner, episodes)
+    planning, learned = PlanningModule(PlanningConfig(), 9, 2, seed=0), []
+    fresh = digest(planning.to_arrays())
+    planning.learn = lambda trajectory: learned.append(trajectory) or {}
+    planning.observe(np.zeros(9, np.float32), 1, 1.0)  # of an episode that was broken off
+    warm_start(game, Bytes(), planning, episodes)
     assert [len(trajectory) for trajectory in learned] == [45, 45, 10]
     for trajectory, seen in zip(learned, diary, strict=True):
         assert trajectory.actions.tolist() == [action for _, action, _ in seen[1:]]
         assert trajectory.rewards.tolist() == [reward for _, _, reward in seen[1:]]
-        states = [np.frombuffer(frame, np.uint8)[:8] for frame, _, _ in seen]
-        np.testing.assert_array_equal(trajectory.states, states)
-    assert not len(reasoner._episode)  # nothing is left of it for the next episode
+        states = [[*np.frombuffer(frame, np.uint8)[:8], i] for i, (frame, _, _) in enumerate(seen)]
+        np.testing.assert_array_equal(trajectory.states, states)  # every episode has an encoder of its own
+    del planning.learn
+    assert digest(planning.to_arrays()) == fresh  # nothing is left of it for the next episode
 
 
-def test_episodes_are_remembered_through_arrays(played):
+def test_episodes_are_stored_through_arrays(played):
     _, episodes, _ = played
-    again = played_from_arrays(played_to_arrays(episodes))
+    again = stored_from_arrays(stored_to_arrays(episodes))
     assert [episode.seed for episode in again] == [episode.seed for episode in episodes]
     for old, new in zip(episodes, again, strict=True):
         np.testing.assert_array_equal(old.actions, new.actions)
-    assert played_from_arrays({}) == []
+    assert stored_from_arrays({}) == []

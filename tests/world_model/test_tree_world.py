@@ -164,7 +164,7 @@ def test_it_learns_while_the_episode_goes_on():
     made, episode = TreeWorld(CONFIG, 3), rally(200)
     for t in (30, 60, 70):
         part = Trajectory(states=episode.states[: t + 1], actions=episode.actions[:t], rewards=episode.rewards[:t])
-        made.revise(part)
+        made.update_online(part)
         grown = [0, 0] if t < 50 else [60, 60]  # ten decisions more are too few
         assert (made.is_fitted, made.grown_.tolist()) == (t >= 50, grown)
     assert len(made.experience) == 0  # the episode is remembered when it is over
@@ -204,10 +204,15 @@ def test_screened_scenarios_are_those_that_the_first_forests_think_best_of(world
         np.testing.assert_array_equal(getattr(told, name), getattr(whole, name))
 
 
+def trees_of(world):
+    """What is enough to predict."""
+    return {name: array.copy() for name, array in world.inference_arrays().items()}
+
+
 def copied_world(world, **settings):
     """The same trees, asked in another way."""
     made = TreeWorld(dataclasses.replace(world.config, **settings), 3)
-    made.load(copied(world))
+    made.from_arrays(trees_of(world))
     return made
 
 
@@ -233,11 +238,12 @@ def test_saved_midway_it_goes_on_bit_for_bit(saved_after):
         if i == saved_after:
             restored.from_arrays(copied(unbroken))
         for made in (unbroken, restored) if i >= saved_after else (unbroken,):
-            made.revise(walk(25, i))
+            made.update_online(walk(25, i))
             made.partial_fit(walk(25, i))
     assert digest(restored.to_arrays()) == digest(unbroken.to_arrays())
     loaded = TreeWorld(CONFIG, 3)
-    loaded.load(copied(unbroken))
+    loaded.from_arrays(trees_of(unbroken))
+    assert not len(loaded.experience)
     told = [made.imagine(moment_of(walk(25), 9), np.zeros((2, 5), np.int64)) for made in (unbroken, loaded)]
     np.testing.assert_array_equal(told[0].states, told[1].states)
     np.testing.assert_array_equal(told[0].rewards, told[1].rewards)
@@ -257,7 +263,7 @@ def test_distances_are_those_along_an_axis():
 def test_trees_that_look_at_other_numbers_are_refused():
     made = learned(CONFIG, walk(60))
     with pytest.raises(ValueError, match="look at 25 numbers, not 31"):
-        TreeWorld(dataclasses.replace(CONFIG, distances=True), 3).load(copied(made))
+        TreeWorld(dataclasses.replace(CONFIG, distances=True), 3).from_arrays(copied(made))
 
 
 def test_the_oldest_episodes_are_forgotten():
@@ -267,7 +273,7 @@ def test_the_oldest_episodes_are_forgotten():
 
 def test_states_too_long_for_trees_are_refused():
     TreeWorld(CONFIG, MAX_DIMENSION)
-    with pytest.raises(UsageError, match=r"at most 32 numbers, not 33; use reasoning\.world = 'models'"):
+    with pytest.raises(UsageError, match=r"at most 32 numbers, not 33; use planning\.world_model = 'networks'"):
         TreeWorld(CONFIG, MAX_DIMENSION + 1)
 
 

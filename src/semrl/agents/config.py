@@ -70,22 +70,22 @@ class DQNConfig:
     def __post_init__(self) -> None:
         for name in _COUNTS:
             if getattr(self, name) < 1:
-                raise UsageError(f"agent.{name} must be 1 or more, not {getattr(self, name)}")
+                raise UsageError(f"dqn.{name} must be 1 or more, not {getattr(self, name)}")
         for name in _SHARES:
             if not 0 <= getattr(self, name) <= 1:
-                raise UsageError(f"agent.{name} must lie between 0 and 1, not {getattr(self, name)}")
+                raise UsageError(f"dqn.{name} must lie between 0 and 1, not {getattr(self, name)}")
         for name in ("adam_beta1", "adam_beta2"):
             if not 0 <= getattr(self, name) < 1:
-                raise UsageError(f"agent.{name} must be 0 or more and below 1, not {getattr(self, name)}")
+                raise UsageError(f"dqn.{name} must be 0 or more and below 1, not {getattr(self, name)}")
         for name in _POSITIVE:
             if not 0 < getattr(self, name) < math.inf:
-                raise UsageError(f"agent.{name} must be above 0, not {getattr(self, name)}")
+                raise UsageError(f"dqn.{name} must be above 0, not {getattr(self, name)}")
         if not (0 <= self.advice_margin < math.inf and 0 <= self.advice_weight < math.inf):
-            raise UsageError("agent.advice_margin and agent.advice_weight must be 0 or more")
+            raise UsageError("dqn.advice_margin and dqn.advice_weight must be 0 or more")
         if self.exploration_min > self.exploration_max:
-            raise UsageError("agent.exploration_min must not exceed agent.exploration_max")
+            raise UsageError("dqn.exploration_min must not exceed dqn.exploration_max")
         if self.replay_capacity <= self.n_steps:
-            raise UsageError(f"agent.replay_capacity must exceed agent.n_steps, {self.n_steps}")
+            raise UsageError(f"dqn.replay_capacity must exceed dqn.n_steps, {self.n_steps}")
 
 
 _COUNTS = (

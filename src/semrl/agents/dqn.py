@@ -160,7 +160,7 @@ class DQN:
         if not np.isfinite(self.loss_):
             raise SemrlError(
                 f"the loss is {self.loss_} after {self.updates_} updates: learning has diverged; "
-                "try a smaller --agent.learning-rate"
+                "try a smaller --dqn.learning-rate"
             )
         for group in self.optimiser.param_groups:
             group["lr"] = self.learning_rate

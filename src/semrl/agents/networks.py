@@ -25,9 +25,9 @@ class NetworkConfig:
 
     def __post_init__(self) -> None:
         if not 0 <= self.frequencies <= MAX_FREQUENCIES:
-            raise UsageError(f"agent.network.frequencies must lie in 0 … {MAX_FREQUENCIES}, not {self.frequencies}")
+            raise UsageError(f"dqn.network.frequencies must lie in 0 … {MAX_FREQUENCIES}, not {self.frequencies}")
         if any(units < 1 for units in self.hidden_units):
-            raise UsageError(f"agent.network.hidden_units must all be 1 or more, not {self.hidden_units}")
+            raise UsageError(f"dqn.network.hidden_units must all be 1 or more, not {self.hidden_units}")
 
 
 LEAST_DEVIATION = 0.5

@@ -95,7 +95,7 @@ class TrainingProgress:
         # How long a stage takes is not known: its bar fills by the batches it has had.
         task = self._task(row["phase"], None, row["batches"] - 1)
         note = f"stability {row['stability']:.3f}" if "stability" in row else ""
-        note += f", {row['leaves']} kinds before merging" if "leaves" in row else ""
+        note += f", {row['clusters']} clusters" if "clusters" in row else ""
         self._bars.update(task, completed=row["batches"], note=note)
 
     def _task(self, phase: str, total: int | None, done: int) -> TaskID:

@@ -35,6 +35,7 @@ class Registry(Generic[T]):
     def __init__(self, group: str, builtin: Mapping[str, str]) -> None:
         self.group = group
         self._builtin = dict(builtin)
+        self._what = group.replace("_", " ")  # as people say it
 
     def names(self) -> tuple[str, ...]:
         """Return all names, this package's own first."""
@@ -51,7 +52,7 @@ class Registry(Generic[T]):
         if name not in self.names():
             close = difflib.get_close_matches(name, self.names(), n=1)
             hint = f"; did you mean '{close[0]}'?" if close else f"; there are {', '.join(self.names())}"
-            raise UsageError(f"there is no '{name}' among the {self.group}{hint}")
+            raise UsageError(f"there is no '{name}' among the {self._what}{hint}")
 
     def make(self, name: str, config: Any, **context: Any) -> T:
         """Make the box of a name with its part of the configuration; see `load` and `config`."""
@@ -73,8 +74,9 @@ class Registry(Generic[T]):
         point = _added(f"semrl.{self.group}")[name]
         try:
             loaded: Callable[..., T] = point.load()
-        except (ImportError, AttributeError) as error:
-            raise UsageError(f"'{name}' of the {self.group} cannot be loaded from {point.value}: {error}") from None
+        except Exception as error:  # whatever somebody else's module does when it is imported
+            why = " ".join(str(error).split()) or type(error).__name__
+            raise UsageError(f"'{name}' of the {self._what} cannot be loaded from {point.value}: {why}") from error
         return loaded
 
     def config(self, name: str, config: Any) -> Any:
@@ -83,11 +85,13 @@ class Registry(Generic[T]):
         Raises
         ------
         UsageError
-            When an option is unknown or has a wrong value.
+            When an option is unknown or has a wrong value, or the box says nothing of its parameters.
         """
         if name in self._builtin:
             return getattr(config, name)
         kind: Any = self.load(name)
+        if not hasattr(kind, "Config"):
+            raise UsageError(f"'{name}' of the {self._what} has no dataclass 'Config' of its parameters")
         try:
             return kind.Config(**config.options.get(name, {}))
         except TypeError as error:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from semrl.core import Frame, Image, Sight, State
+from semrl.core import Frame, Image, Sight, State, StateSpace
 from semrl.core.arrays import Arrays, json_to_array, nest, ragged_to_arrays
 from semrl.core.files import write_arrays
 from semrl.envs import Game
@@ -29,10 +29,11 @@ def save_gallery(run: Path, seed: int) -> Path:
     """Play at random with a run's perception and write ``gallery.npz``: all that a report shows of it.
 
     The file holds ``frames (s, h, w, 3)``, ``greys (s, 84, 84)`` and, where the model has them, ``shown
-    (s, 84, 84)`` or ``vectors (s, d)``; ``boxes``, ``classes`` and ``edges`` of these frames as ragged
-    arrays; ``threshold`` in grey levels; ``explained_variance_ratio``; ``n_clusters``, ``class_numbers
-    (k,)``, ``centres (k, 8, 8)`` and ``class_counts (k,)``, how many objects of each class were seen;
-    ``palette (c, 3)``, the RGB that class i is drawn in (modulo c); and ``meta``.
+    (s, 84, 84)`` or ``vectors (s, d)``, of which only the named numbers where there are names; ``boxes``,
+    ``classes`` and ``edges`` of these frames as ragged arrays; ``threshold`` in grey levels;
+    ``explained_variance_ratio``; ``n_clusters``, ``class_numbers (k,)``, ``centres (k, 8, 8)`` and
+    ``class_counts (k,)``, how many objects of each class were seen; ``palette (c, 3)``, the RGB that class i
+    is drawn in (modulo c); and ``meta``.
 
     Parameters
     ----------
@@ -65,7 +66,7 @@ def save_gallery(run: Path, seed: int) -> Path:
     }
     learned = _learned(player.encoder.perception, counts) if player.encoder.perception else {}
     path = Path(run) / "gallery.npz"
-    write_arrays(path, {"meta": json_to_array(meta), **_sampled(samples), **learned})
+    write_arrays(path, {"meta": json_to_array(meta), **_sampled(samples, player.encoder.space), **learned})
     return path
 
 
@@ -91,7 +92,7 @@ def _wander(game: Game, encoder: Encoder, rng: np.random.Generator) -> Iterator[
                 return
 
 
-def _sampled(samples: Sequence[_Sample]) -> Arrays:
+def _sampled(samples: Sequence[_Sample], space: StateSpace) -> Arrays:
     """Write the sample frames and what is seen in them as arrays."""
     greys: list[Image] = [to_grey(sample.frame) for sample in samples]
     sights = [sample.sight for sample in samples]
@@ -102,8 +103,10 @@ def _sampled(samples: Sequence[_Sample]) -> Arrays:
     }
     shown = [sample.state for sample in samples if sample.state is not None]
     if len(shown) == len(samples):
-        image = shown[0].vector.ndim == 2
-        arrays["shown" if image else "vectors"] = np.stack([s.vector if image else s.facts for s in shown])
+        named = len(space.names)  # numbers that people can read stand in the place of the vector
+        arrays["shown" if len(space.shape) == 2 else "vectors"] = np.stack(
+            [state.facts[:named] if named else state.vector for state in shown]
+        )
     return arrays | nest(
         boxes=ragged_to_arrays([s.boxes_px for s in sights], like=np.empty((0, 4), np.int64)),
         classes=ragged_to_arrays([s.classes for s in sights], like=np.empty(0, np.int64)),

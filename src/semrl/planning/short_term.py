@@ -27,11 +27,11 @@ class ShortTermConfig:
 
     def __post_init__(self) -> None:
         if self.depth < 1:
-            raise UsageError(f"short_term.depth must be 1 or more, not {self.depth}")
+            raise UsageError(f"scenarios.depth must be 1 or more, not {self.depth}")
         if not 0 <= self.scenarios <= MAX_SCENARIOS:
-            raise UsageError(f"short_term.scenarios must lie in 0 … {MAX_SCENARIOS:,}, not {self.scenarios}")
+            raise UsageError(f"scenarios.scenarios must lie in 0 … {MAX_SCENARIOS:,}, not {self.scenarios}")
         if not 0 <= self.kept_share <= 1:
-            raise UsageError(f"short_term.kept_share must lie in 0 … 1, not {self.kept_share}")
+            raise UsageError(f"scenarios.kept_share must lie in 0 … 1, not {self.kept_share}")
 
 
 def action_sequences(n_actions: int, config: ShortTermConfig, *, number: int = 0, proposed: Ints | None = None) -> Ints:
@@ -70,7 +70,7 @@ def _all_sequences(n_actions: int, depth: int) -> Ints:
     if n_actions ** min(depth, MAX_SCENARIOS.bit_length()) > MAX_SCENARIOS:  # more could not even be counted
         raise UsageError(
             f"{n_actions} actions make more than {MAX_SCENARIOS:,} scenarios of depth {depth}; "
-            "choose a smaller short_term.depth, or how many are tried with short_term.scenarios"
+            "choose a smaller scenarios.depth, or how many are tried with scenarios.scenarios"
         )
     sequences: Ints = np.array(list(itertools.product(range(n_actions), repeat=depth)), dtype=np.int64)
     sequences.flags.writeable = False  # it is shared by all callers

@@ -86,7 +86,7 @@ def _run(record: RunRecord, colour: str, defaults: Mapping[str, Any]) -> dict[st
         "last": float(returns[-10:].mean()) if len(returns) else None,
         "paths": _paths(record),
         "gallery": notes,
-        "sees": wording.SEES.get(notes.get("view", ""), ""),
+        "sees": wording.SEES.get(notes.get("encoder", ""), ""),
         "samples": scenes.samples(record.gallery),
         "kinds": scenes.kinds(record.gallery),
         "learned": _learned(record),
@@ -105,9 +105,9 @@ def _paths(record: RunRecord) -> list[dict[str, Any]]:
     limits = record.config.get("stability", {})
     batches = limits.get("batches", 250)
     stages = (
-        ("pca", "PCA", limits.get("max_difference", 0.05), "mean absolute difference",
+        ("reduction", "Reduction", limits.get("max_difference", 0.05), "mean absolute difference",
          "its outputs moved by less than the goal on average"),
-        ("birch", "Birch", limits.get("min_agreement", 0.95), "balanced accuracy",
+        ("clustering", "Clustering", limits.get("min_agreement", 0.95), "balanced accuracy",
          "more of its labels than the goal stayed what they were"),
     )  # fmt: skip
     drawn = []
@@ -156,7 +156,7 @@ def _learned(record: RunRecord) -> list[tuple[str, str]]:
             f"{wording.number(100 * float(ratios.sum()))} %",
             f"of the objects' variance is kept by {len(ratios)} principal components",
         ))  # fmt: skip
-    if "n_leaves" in gallery:
-        facts.append((str(int(gallery["n_leaves"])), "clusters found before merging"))
+    if "n_clusters" in gallery:
+        facts.append((str(int(gallery["n_clusters"])), "clusters found before merging"))
         facts.append((str(len(gallery["class_numbers"])), "kinds of objects after merging"))
     return facts

@@ -23,7 +23,7 @@ class Sample:
 
     scene: Markup
     grey: str
-    seen: str | None
+    shown: str | None
     numbers: Sequence[tuple[str, float]]
     objects: int
     kinds: int
@@ -42,7 +42,7 @@ class Kind:
 
 
 def meta(gallery: Arrays) -> dict[str, Any]:
-    """Return the gallery's notes: view, seed, decisions; empty without gallery."""
+    """Return the gallery's notes: encoder, seed, decisions; empty without gallery."""
     return dict(array_to_json(gallery["meta"])) if "meta" in gallery else {}
 
 
@@ -55,12 +55,12 @@ def samples(gallery: Arrays) -> list[Sample]:
     drawn = []
     for i, frame in enumerate(gallery["frames"]):
         boxes, classes, edges = (part[i] for part in parts)
-        seen, numbers = _seen(gallery, i, names)
+        shown, numbers = _shown(gallery, i, names)
         drawn.append(
             Sample(
                 scene=scene(frame, boxes, classes, edges, palette(gallery)),
                 grey=data_uri(gallery["greys"][i]),
-                seen=seen,
+                shown=shown,
                 numbers=numbers,
                 objects=len(boxes),
                 kinds=len(np.unique(classes)),
@@ -147,10 +147,10 @@ def data_uri(image: NDArray[np.uint8]) -> str:
     return "data:image/png;base64," + base64.b64encode(encoded.tobytes()).decode()
 
 
-def _seen(gallery: Arrays, i: int, names: Sequence[str]) -> tuple[str | None, list[tuple[str, float]]]:
-    """Return what the agent sees of a sample, as a picture or as named numbers."""
-    if "seen" in gallery:
-        return data_uri(gallery["seen"][i]), []
+def _shown(gallery: Arrays, i: int, names: Sequence[str]) -> tuple[str | None, list[tuple[str, float]]]:
+    """Return what the agent is shown of a sample, as a picture or as named numbers."""
+    if "shown" in gallery:
+        return data_uri(gallery["shown"][i]), []
     if "vectors" not in gallery:
         return None, []
     vector = gallery["vectors"][i]

@@ -149,7 +149,7 @@ def ending(e: Explanation, scenario: Foresight) -> str:
 
 
 def told(part: Told) -> str:
-    """Say a part of the goal."""
+    """Say a part of what the agent is shown of the plan."""
     if part.part == "actions":
         return compact(part.names)
     if part.names:

@@ -12,10 +12,12 @@ SEES = {
     "ram": "The agent reads coordinates from the emulator's memory; no image is looked at.",
     "components": "Whatever is brighter than the threshold is an object; the agent is shown each in a grey of its own.",
     "classes": "Objects are sorted into kinds; the agent is shown each pixel in the grey of its object's kind.",
+    "scene": "Objects are sorted into kinds and joined to a graph; the agent is shown the graph as a vector.",
+    "tracked_scene": "Objects are followed through time, and those that move joined to a graph; the agent is shown the "
+    "graph as a vector.",
     "objects": "Objects are followed through time; the agent is shown where those that move are, and which it sees.",
-    "embedding": "Objects are sorted into kinds and joined to a graph; the agent is shown the graph as a vector.",
 }
-"""What the agent is shown, by view."""
+"""What the agent is shown, by encoder."""
 
 
 def number(value: float, digits: int = 1) -> str:

@@ -124,7 +124,8 @@ def read_metrics(path: Path) -> list[dict[str, str]]:
         rows = list(csv.DictReader(line for line in lines if line.endswith("\n")))
     except (ValueError, csv.Error) as error:
         raise SemrlError(f"{path} is damaged: {error}") from None
-    if any(tuple(row)[: len(COLUMNS)] != COLUMNS or None in row.values() for row in rows):
+    uneven = any(None in row or None in row.values() for row in rows)  # more cells than columns, or fewer
+    if uneven or any(tuple(row)[: len(COLUMNS)] != COLUMNS for row in rows):
         raise SemrlError(f"{path} is damaged: it does not begin with the columns {', '.join(COLUMNS)}")
     return rows
 

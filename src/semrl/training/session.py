@@ -188,17 +188,13 @@ class _Session:
             raise SemrlError(f"{name} does not fit this run's configuration ({error})") from error
 
     def _save(self) -> None:
-        checkpoint = self._checkpoint()
+        checkpoint = self._as_checkpoint(self.trainer.to_arrays())
         self.metrics.flush()
         self.folder.save(checkpoint)
         self._saved_at = time.monotonic()
 
-    def _checkpoint(self) -> Checkpoint:
-        arrays = self.trainer.to_arrays()
-        check_finite(arrays)
-        return self._as_checkpoint(arrays)
-
     def _as_checkpoint(self, arrays: Arrays) -> Checkpoint:
+        check_finite(arrays)
         playable = frozenset(self.trainer.inference_arrays())
         return Checkpoint(
             arrays=arrays, playable=playable, metrics_rows=self.metrics.n_rows, seconds=self.metrics.seconds
@@ -237,7 +233,13 @@ class _Session:
 
 
 def check_finite(arrays: Arrays) -> None:
-    """Keep weights that are not numbers out of the checkpoints: the last good one stays."""
+    """Keep weights that are not numbers out of checkpoints and milestones: the last good one stays.
+
+    Raises
+    ------
+    SemrlError
+        When there are such.
+    """
     for part, what in (("agent", "the agent's"), ("planning/world_model", "the world model's")):
         learned = unnest(arrays, part)
         weights = [array for name, array in learned.items() if "/network/" in f"/{name}/" or "/layers/" in f"/{name}/"]

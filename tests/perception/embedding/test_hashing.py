@@ -6,8 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from semrl import memo
-from semrl.core import SceneGraph
+from semrl.core import SceneGraph, memo
 from semrl.core.errors import DataError, UsageError
 from semrl.core.protocols import Persistent
 from semrl.perception.embedding import HashedEmbedding, HashedEmbeddingConfig, WordsConfig, build_scene_graph, document
