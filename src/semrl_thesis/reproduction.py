@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 import semrl
-from semrl import experiments
+import semrl_thesis
 from semrl.core.errors import UsageError
 from semrl.core.files import make_folder
 from semrl.training.session import limited_threads
@@ -66,8 +66,8 @@ class Reproduction:
 @cache
 def discover() -> dict[str, Experiment]:
     """Return all experiments by name: every module of this package that has an ``EXPERIMENT``."""
-    modules = [importlib.import_module(f"{experiments.__name__}.{module.name}")
-               for module in pkgutil.iter_modules(experiments.__path__) if module.name != "worker"]  # fmt: skip
+    modules = [importlib.import_module(f"{semrl_thesis.__name__}.{module.name}")
+               for module in pkgutil.iter_modules(semrl_thesis.__path__) if module.name != "worker"]  # fmt: skip
     found = [module.EXPERIMENT for module in modules if hasattr(module, "EXPERIMENT")]
     return {experiment.name: experiment for experiment in sorted(found, key=lambda e: e.place)}
 
