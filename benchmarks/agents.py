@@ -18,8 +18,8 @@ from rich.console import Console
 from rich.table import Table
 
 from semrl.agents import DQN
-from semrl.core import IMAGE_SIZE_PX
-from semrl.perception.config import PipelineConfig
+from semrl.core import IMAGE_SIZE_PX, AgentObservation, StateSpace
+from semrl.perception.config import PerceptionConfig
 from semrl.training import PRESETS, preset
 from semrl.training.session import limited_threads
 from semrl_thesis.timing import Stage, medians
@@ -65,25 +65,31 @@ def agent_stages() -> list[Stage]:
     stages = []
     rng = np.random.default_rng(0)
     images = list(rng.integers(0, 256, (STATES, IMAGE_SIZE_PX, IMAGE_SIZE_PX)).astype(np.uint8))
-    vectors = list(rng.standard_normal((STATES, PipelineConfig().hashed.dimension), dtype=np.float32))
+    vectors = list(rng.standard_normal((STATES, PerceptionConfig().hashed.dimension), dtype=np.float32))
     kinds: tuple[tuple[str, str, list[Any]], ...] = (("vector", "semantic", vectors), ("image", "baseline", images))
     for name, (kind, model, seen) in itertools.product(PRESETS, kinds):
         # One update at every decision, as soon as the buffer is filled: `observe` then times exactly one.
-        config = replace(preset(name, model).agent, initial_buffer=REPLAY, replay_capacity=2 * REPLAY)
+        config = replace(preset(name, model).dqn, initial_buffer=REPLAY, replay_capacity=2 * REPLAY)
         config = replace(config, decisions_per_update=1)
-        agent = DQN(config, seen[0].shape, seen[0].dtype, n_actions=2, seed=0)
+        space = StateSpace(shape=seen[0].shape, dtype=seen[0].dtype)
+        agent = DQN(config, space=space, n_actions=2, seed=0)
         for i in range(REPLAY):
             remember(agent, seen[i % len(seen)])
         title = f"{kind} network, {name}"
-        stages.append(Stage(f"act, {title}", agent.best_action, [np.stack([one, one]) for one in seen]))
+        stages.append(Stage(f"act, {title}", agent.best_action, [shown(one) for one in seen]))
         learn = lambda one, agent=agent: remember(agent, one)  # noqa: E731
         stages.append(Stage(f"update of {config.batch_size}, {title}", learn, seen[:UPDATES]))
     return stages
 
 
+def shown(vector: Any) -> AgentObservation:
+    """Show a state that was there before as well."""
+    return AgentObservation(vectors=np.stack([vector, vector]))
+
+
 def remember(agent: DQN, observation: Any) -> None:
     """Show an agent one decision; it learns when its buffer is filled."""
-    agent.observe(observation, 0, 0.0, terminated=False, start=False)
+    agent.observe(shown(observation), 0, 0.0, terminated=False, start=False)
 
 
 if __name__ == "__main__":

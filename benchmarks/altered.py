@@ -113,10 +113,10 @@ def play(run: Path, arguments: Arguments) -> Iterator[Score]:
     for world, pace in WORLDS.items():
         player = load_player(run, memory=True)
         with limited_threads(player.config.threads):
-            policies: tuple[Policy, ...] = ("agent", "planner") if player.reasoner else ("agent",)
+            policies: tuple[Policy, ...] = ("agent", "planner") if player.planning else ("agent",)
             for policy in policies:
                 yield _score(run, world, policy, _games(player, pace, policy, arguments.episodes))
-            if player.reasoner and pace != 1:
+            if player.planning and pace != 1:
                 adapt(player, pace, arguments.adapting)
                 told = f"planner, after {arguments.adapting:,} decisions"
                 yield _score(run, world, told, _games(player, pace, "planner", arguments.episodes))
@@ -132,9 +132,9 @@ def altered_game(player: Player, pace: float, seed: int) -> Game:
 
 def adapt(player: Player, pace: float, decisions: int) -> None:
     """Let the planner play in the altered world, and its model learn from that beside what it remembers."""
-    assert player.reasoner is not None
-    reasoner = player.reasoner
-    world = reasoner.world
+    planning = player.planning
+    assert planning is not None
+    world = planning.world_model
     assert isinstance(world, TreeWorld), "the preset's models of the world are trees"
     world.config = replace(world.config, new_decisions=1, new_share=0.0)  # so little is nothing new to it otherwise
     learned = episode = 0
@@ -146,7 +146,8 @@ def adapt(player: Player, pace: float, decisions: int) -> None:
             learned += step.action is not None
             if learned == decisions:
                 break
-        reasoner.end_episode(last.state[0])
+        assert last.state is not None
+        planning.end_episode(last.state.facts)
         episode += 1
 
 

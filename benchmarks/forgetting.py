@@ -1,4 +1,4 @@
-"""What the forests of a world model (§3.4.3) forgot: which losses and gains of a run's memory each of them foresees.
+"""What the forests of a world model (§3.4.3) forgot: which losses and gains of a run's memory each of them predicts.
 
 Each forest was grown at another time, from what was remembered then. Of the memory as it is now the part that came
 later is new to it. Where much was won before, a forest may have learned from few losses. One decision ahead;
@@ -25,10 +25,10 @@ from semrl.training.session import limited_threads
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments:
-    """Tell which losses and gains of a run's memory its forests foresee, by when these were grown."""
+    """Tell which losses and gains of a run's memory its forests predict, by when these were grown."""
 
     run: Annotated[Path, tyro.conf.Positional]
-    """A run of a model whose world is foreseen by trees: ram-map, objects-map, semantic-map."""
+    """A run of a model whose world is predicted by trees: ram-map, objects-map, semantic-map."""
     spans: int = 8
     """How many parts of the memory are told apart."""
     json: bool = False
@@ -42,18 +42,18 @@ def main(arguments: Arguments) -> None:
     if arguments.json:
         print(json.dumps({"machine": machine.describe(), "run": str(arguments.run), "spans": spans}))
         return
-    grown = [f"{n / 1000:.0f}" for n in spans[0]["foreseen"]]
+    grown = [f"{n / 1000:.0f}" for n in spans[0]["predicted"]]
     table = Table("decisions", "losses", *grown, box=None, padding=(0, 2, 0, 0))
     for span in spans:
-        shares = ("" if losses is None else f"{losses:.2f}" for losses, _ in span["foreseen"].values())
+        shares = ("" if losses is None else f"{losses:.2f}" for losses, _ in span["predicted"].values())
         table.add_row(f"{span['from'] / 1000:.0f}–{span['to'] / 1000:.0f}", str(span["losses"]), *shares)
     console = Console()
-    console.print("Thousands of decisions; share of the losses that the forests grown then foresee.", highlight=False)
+    console.print("Thousands of decisions; share of the losses that the forests grown then predict.", highlight=False)
     console.print(table)
 
 
 def asked(run: Path, count: int) -> list[dict[str, Any]]:
-    """Return what each forest foresees of each part of the memory, the oldest first."""
+    """Return what each forest predicts of each part of the memory, the oldest first."""
     world, rows, wanted = remembered(run)
     told, came = np.rint(world.forests(rows)[:, :, -2]), wanted[:, -2]
     grown = {int(n): world.grown_ == n for n in np.unique(world.grown_)}
@@ -66,7 +66,7 @@ def asked(run: Path, count: int) -> list[dict[str, Any]]:
             "to": times[i + 1],
             "losses": int((came[part] == -1).sum()),
             "gains": int((came[part] == 1).sum()),
-            "foreseen": {
+            "predicted": {
                 n: [_share(told[forests, part], came[part], sign) for sign in (-1, 1)] for n, forests in grown.items()
             },
         }

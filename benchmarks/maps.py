@@ -25,7 +25,7 @@ from rich.table import Table
 
 from semrl.core import Floats, Ints, Moment, Trajectory
 from semrl.planning import LongTermConfig, plan_routes
-from semrl.planning.module import MEMORY_DECISIONS, Reasoner
+from semrl.planning.module import MEMORY_DECISIONS, PlanningModule
 from semrl.planning.state_map import StateMap, StateMapConfig
 from semrl.training import preset
 from semrl.training.session import limited_threads
@@ -168,17 +168,17 @@ def measure(cells: int, episodes: int) -> dict[str, float]:
 
 def plans(world: Torus, state_map: StateMap) -> list[float]:
     """Return how many milliseconds each of some decisions takes to be planned."""
-    given = preset("semrl", "ram-map").reasoning
+    given = preset("semrl", "ram-map").planning
     config = replace(given, state_map=CONFIG, velocity_weight=0.0, trees=replace(given.trees, resolution=RESOLUTION))
-    reasoner = Reasoner(config, DIMENSION, len(MOVES), seed=0)
-    reasoner.learn(world.walk(EPISODE))
-    reasoner.state_map, reasoner.routes = state_map, plan_routes(state_map.graph_, LongTermConfig())
+    planning = PlanningModule(config, DIMENSION, len(MOVES), seed=0)
+    planning.learn(world.walk(EPISODE))
+    planning.state_map, planning.routes = state_map, plan_routes(state_map.graph_, LongTermConfig())
     lived = world.walk(PLANS + MEMORY_DECISIONS)
     moments = [
         Moment(states=lived.states[t : t - MEMORY_DECISIONS : -1], actions=lived.actions[:t][::-1], number=t)
         for t in range(MEMORY_DECISIONS, PLANS + MEMORY_DECISIONS)
     ]
-    return [1000 * seconds(lambda moment=moment: reasoner.plan(moment)) for moment in moments]
+    return [1000 * seconds(lambda moment=moment: planning.plan(moment)) for moment in moments]
 
 
 def seconds(call: Callable[[], object]) -> float:

@@ -36,11 +36,12 @@ def main(arguments: Arguments) -> None:
     """Elevate, look, tell."""
     console = Console(stderr=True)
     with limited_threads(1):
-        pipeline, play = learn_to_see(seed=0)
+        encoder, play = learn_to_see(seed=0)
+        episode = encoder.begin()
         megabytes = []
         for _ in range(max(arguments.frames, 3 * STRETCH_FRAMES) // STRETCH_FRAMES):
             for _ in range(STRETCH_FRAMES):
-                pipeline.encode(next(play))
+                episode.encode(next(play))
             megabytes.append(resident_mb())
             console.print(f"{len(megabytes) * STRETCH_FRAMES:,} frames: {megabytes[-1]:.1f} MB", highlight=False)
     slope = float(np.polyfit(np.arange(len(megabytes)), megabytes, 1)[0])

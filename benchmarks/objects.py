@@ -29,11 +29,11 @@ from rich.table import Table
 from scipy.optimize import linear_sum_assignment
 
 from semrl.core import IMAGE_SIZE_PX, Observation, Tracks
-from semrl.perception.pipeline import Pipeline
+from semrl.perception.encoders.objects import ObjectsEncoder
 from semrl.perception.tracking.habits import LEAST_MOVING_SHARE
 from semrl.training import RunConfig, preset
 from semrl.training.session import limited_threads
-from semrl_thesis.perception import new_run, school
+from semrl_thesis.perception import new_run, pretrain
 
 GAMES = ("Pong", "Boxing", "Freeway", "Asterix", "Skiing", "Seaquest", "Tennis", "Kangaroo", "Breakout")
 LAG_PX = 2
@@ -87,36 +87,38 @@ def main(arguments: Arguments) -> None:
 def score_game(game: str, arguments: Arguments) -> dict[str, Any]:
     """Score one game: all that is followed and moves, and that of it which has a slot."""
     config = preset("semrl", "objects", {"env": f"{game}NoFrameskip-v4", "seed": arguments.seed})
-    pipeline = school(config, "objects").pipeline
+    encoder = pretrain(config, "objects").encoder
+    assert isinstance(encoder, ObjectsEncoder)
+    roles = encoder.perception.roles
     truths: list[list[Truth]] = []
     followed: list[Found] = []
     told: list[Found] = []
     objects = init_objects(game, hud=False)
-    for observation in islice(play(pipeline, config), arguments.decisions):
+    for observation, tracks in islice(play(encoder, config), arguments.decisions):
         assert observation.ram is not None
         detect_objects_ram(objects, observation.ram.astype(int), game, hud=False)
         truths.append([(each.category, *map(int, each.xywh)) for each in objects if each and each.visible])
-        tracks, shape = pipeline.settle_roles(), observation.frame.shape
+        shape = observation.frame.shape
         moving = (tracks.unseen == 0) & (tracks.moves > 0) & (tracks.moves >= LEAST_MOVING_SHARE * tracks.ages)
         followed.append(found(tracks, moving, tracks.classes, shape))
-        slotted = (tracks.unseen == 0) & np.isin(tracks.roles, pipeline.roles.slots_)
+        slotted = (tracks.unseen == 0) & np.isin(tracks.roles, roles.slots_)
         told.append(found(tracks, slotted, tracks.roles, shape))
     moved = without_scenery(truths)
     return {
         "objects": sum(map(len, moved)) / len(moved),
-        "slots": len(pipeline.roles.slots_),
+        "slots": len(roles.slots_),
         "followed": score(moved, followed),
         "told": score(moved, told),
     }
 
 
-def play(pipeline: Pipeline, config: RunConfig) -> Iterator[Observation]:
+def play(encoder: ObjectsEncoder, config: RunConfig) -> Iterator[tuple[Observation, Tracks]]:
     """Act at random and follow the objects, episode after episode."""
-    for episode in count():
-        pipeline.begin_episode()
-        for observation in new_run(replace(config, seed=config.seed + episode), None):
-            pipeline.follow(observation.frame)
-            yield observation
+    for number in count():
+        episode = encoder.begin()
+        for observation in new_run(replace(config, seed=config.seed + number), None):
+            episode.encode(observation)
+            yield observation, episode.tracks
 
 
 def found(tracks: Tracks, chosen: NDArray[np.bool_], kinds: NDArray[np.int64], shape: Sequence[int]) -> Found:

@@ -19,8 +19,8 @@ from rich.table import Table
 
 from semrl import evaluate, preset, train
 from semrl.evaluation.prediction import FILE, foresight
-from semrl.planning.module import MAP_MODELS
 from semrl.training import RunFolder
+from semrl.training.config import MODELS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,20 +67,20 @@ def score(arguments: Arguments, model: str, seed: int) -> dict[str, Any]:
         **{key: tested[key] for key in ("mean", "std", "min", "max")},
         "minutes": round(result.seconds / 60, 1),
         "weights": RunFolder.open(run).manifest()["hashes"]["weights"][:8],
-        **(reasoning(arguments, run) if model in MAP_MODELS else {}),
+        **(planned(arguments, run) if MODELS[model].plans else {}),
     }
 
 
-def reasoning(arguments: Arguments, run: Path) -> dict[str, Any]:
-    """Test what a run foresees, and its planner alone."""
+def planned(arguments: Arguments, run: Path) -> dict[str, Any]:
+    """Test what a run predicts, and its planner alone."""
     seen = kept(run / FILE, lambda: foresight(run))
-    planned = kept(
+    played = kept(
         run / "evaluation-planner.json",
         lambda: evaluate(run, episodes=arguments.planner_episodes, policy="planner"),
     )
     explained = {f"R2 at {horizon}": value for horizon, value in seen["explained"].items()}
     explained |= {f"vector R2 at {horizon}": value for horizon, value in seen["explained_vectors"].items()}
-    alone = {f"planner {key}": planned[key] for key in ("mean", "min", "max")}
+    alone = {f"planner {key}": played[key] for key in ("mean", "min", "max")}
     return {**explained, "balanced": seen["balanced_accuracy"], **alone}
 
 

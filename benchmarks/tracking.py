@@ -21,10 +21,11 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from semrl.core import IMAGE_SIZE_PX, Outcome
+from semrl.core import IMAGE_SIZE_PX, Observation, Outcome
 from semrl.envs import Game, make_env
-from semrl.perception.pipeline import Pipeline
-from semrl.perception.pretraining.schedule import Schooling
+from semrl.perception.encoders.objects import ObjectsEncoder
+from semrl.perception.pretraining.schedule import PretrainingSchedule
+from semrl.perception.tracking import Roles
 from semrl.training import preset
 from semrl.training.session import limited_threads
 
@@ -50,7 +51,7 @@ class Arguments:
 
 @dataclass(frozen=True, kw_only=True)
 class Recorded:
-    """What was played: RAM and what the pipeline made of it, decision by decision.
+    """What was played: RAM and what perception made of it, decision by decision.
 
     Attributes
     ----------
@@ -78,15 +79,16 @@ def main(arguments: Arguments) -> None:
     with limited_threads(1):
         game = Game(make_env(), seed=arguments.seed)
         rng = np.random.default_rng(arguments.seed)
-        pipeline, learning = learn_to_see(game, rng)
-        recorded = record(pipeline, game, rng, arguments.decisions)
+        encoder, learning = learn_to_see(game, rng)
+        perception = encoder.perception
+        recorded = record(encoder, game, rng, arguments.decisions)
         told = {
             "seed": arguments.seed,
             "decisions": arguments.decisions,
             "perception_decisions": learning,
             "rallies": int(recorded.rallies[-1]),
-            "slots": len(pipeline.roles.slots_),
-            "objects": {name: score(recorded, pipeline, name) for name in OBJECTS},
+            "slots": len(perception.roles.slots_),
+            "objects": {name: score(recorded, perception.roles, name) for name in OBJECTS},
             "microseconds": recorded.microseconds,
             "machine": machine.describe(),
         }
@@ -96,37 +98,37 @@ def main(arguments: Arguments) -> None:
     show(told)
 
 
-def learn_to_see(game: Game, rng: np.random.Generator) -> tuple[Pipeline, int]:
+def learn_to_see(game: Game, rng: np.random.Generator) -> tuple[ObjectsEncoder, int]:
     """Learn perception from random play; return it and the decisions that took."""
     config = preset("semrl", "objects")
-    pipeline = Pipeline(config.pipeline, "objects", "pong")
-    schooling = Schooling(pipeline, config.stability)
+    encoder = ObjectsEncoder(config.perception, rom="pong")
+    schedule = PretrainingSchedule(encoder.stages(config.stability), config.stability)
     observation, action, decisions = game.reset(), None, 0
-    while schooling.current is not None:
-        schooling.learn(observation, action)
+    while schedule.current is not None:
+        schedule.learn(observation, action)
         action = int(rng.integers(game.n_actions))
         outcome = game.step(action)
         observation, decisions = outcome.observation, decisions + 1
         if outcome.done:
             observation, action = game.reset(), None
-            pipeline.begin_episode()
-    return pipeline, decisions
+    return encoder, decisions
 
 
-def record(pipeline: Pipeline, game: Game, rng: np.random.Generator, decisions: int) -> Recorded:
-    """Play and note what RAM and pipeline say."""
+def record(encoder: ObjectsEncoder, game: Game, rng: np.random.Generator, decisions: int) -> Recorded:
+    """Play and note what RAM and perception say."""
     ram, slots, ids, rallies, rally, in_play = [], [], [], [], 0, False
-    clock = Clock(pipeline)
+    clock, slots_in_use = Clock(encoder), encoder.perception.roles.slots_.tolist()
     for outcome, begins in play(game, rng, decisions):
         if begins:
-            pipeline.begin_episode()
+            clock.begin()
         assert outcome.observation.ram is not None
         was, in_play = in_play, bool(has_ball(outcome.observation.ram))
         rally += in_play and (begins or not was)
         ram.append(outcome.observation.ram.astype(np.int64))
-        slots.append(clock.encode(outcome.observation).reshape(-1, 3)[: len(pipeline.roles.slots_)])
-        named = {int(r): int(i) for r, i in zip(pipeline.tracks.roles, pipeline.tracks.ids, strict=True)}
-        ids.append([named.get(role, -1) for role in pipeline.roles.slots_.tolist()])
+        slots.append(clock.encode(outcome.observation).reshape(-1, 3)[: len(slots_in_use)])
+        tracks = clock.episode.tracks
+        named = {int(r): int(i) for r, i in zip(tracks.roles, tracks.ids, strict=True)}
+        ids.append([named.get(role, -1) for role in slots_in_use])
         rallies.append(rally)
     return Recorded(
         ram=np.stack(ram),
@@ -140,19 +142,24 @@ def record(pipeline: Pipeline, game: Game, rng: np.random.Generator, decisions: 
 class Clock:
     """Encodes observations and takes the processor time of each part."""
 
-    def __init__(self, pipeline: Pipeline) -> None:
-        self.pipeline = pipeline
+    def __init__(self, encoder: ObjectsEncoder) -> None:
+        self.encoder = encoder
+        self.begin()
         self.seconds = {"detect": 0.0, "PCA and Birch classes": 0.0, "follow and slots": 0.0, "encode": 0.0}
         self.n = 0
 
-    def encode(self, observation: Any) -> NDArray[Any]:
+    def begin(self) -> None:
+        """Begin an episode."""
+        self.episode = self.encoder.begin()
+
+    def encode(self, observation: Observation) -> NDArray[Any]:
         """Encode one observation; detecting and classifying are done once more, to be timed alone."""
-        start = time.process_time()
-        objects = self.pipeline.detect(observation)
+        perception, start = self.encoder.perception, time.process_time()
+        objects = perception.detector.detect(observation.frame)
         detected = time.process_time()
-        self.pipeline.classes(objects)
+        perception.classes(objects)
         classified = time.process_time()
-        encoded = self.pipeline.encode(observation)
+        encoded = self.episode.encode(observation).vector
         end = time.process_time()
         parts = {"detect": detected - start, "PCA and Birch classes": classified - detected, "encode": end - classified}
         parts["follow and slots"] = parts["encode"] - (classified - start)
@@ -186,7 +193,7 @@ def first(game: Game) -> Outcome:
     return Outcome(observation=game.reset(), reward=0.0, terminated=False, truncated=False)
 
 
-def score(recorded: Recorded, pipeline: Pipeline, name: str) -> dict[str, Any]:
+def score(recorded: Recorded, roles: Roles, name: str) -> dict[str, Any]:
     """Compare one object with the slot that fits it best."""
     y, x = OBJECTS[name]
     ram = recorded.ram
@@ -195,7 +202,7 @@ def score(recorded: Recorded, pipeline: Pipeline, name: str) -> dict[str, Any]:
     error, ids = errors(recorded, slot, there, y, x)[there], recorded.ids[there, slot]
     seen = recorded.slots[there, slot, 2] > 0
     same_rally = np.diff(recorded.rallies[there]) == 0
-    role = pipeline.roles.slots_[slot]
+    role = roles.slots_[slot]
     return {
         "frames": int(there.sum()),
         "seen": float(seen.mean()),
@@ -204,8 +211,8 @@ def score(recorded: Recorded, pipeline: Pipeline, name: str) -> dict[str, Any]:
         "max_px": float(error.max()),
         "switches": int((np.diff(ids)[same_rally] != 0).sum()),
         "slot": slot,
-        "influence": float(pipeline.roles.influence_[role]),
-        "controlled": bool(pipeline.roles.controlled_[role]),
+        "influence": float(roles.influence_[role]),
+        "controlled": bool(roles.controlled_[role]),
     }
 
 

@@ -34,11 +34,14 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from semrl.perception.config import MODELS
+from semrl.agents import DQN
+from semrl.agents.replay import ReplayBuffer
 from semrl.training import RunFolder, build_trainer, preset
+from semrl.training.config import MODELS
 from semrl.training.folder import Checkpoint
 from semrl.training.session import limited_threads
 from semrl.training.trainer import Trainer
+from semrl_thesis.sweep import PIXELS
 
 STRETCH_SECONDS = 1.0
 TRAIN, RESUME = "--train-here", "--resume-here"
@@ -101,7 +104,7 @@ def measure(model: str, arguments: Arguments) -> dict[str, Any]:
         run = str(Path(place) / "run")
         row = in_fresh_process(TRAIN, run, model, arguments.preset, str(arguments.seconds))
         row |= in_fresh_process(RESUME, run)
-    limit = PIXELS_GB if MODELS[model] in ("grey", "components", "classes") else VECTORS_GB
+    limit = PIXELS_GB if MODELS[model].encoder in PIXELS else VECTORS_GB
     below = max(row["training_gb"], row["resuming_gb"]) < limit
     return {"model": model, **row, "limit_gb": limit, "below_limit": below}
 
@@ -117,21 +120,24 @@ def in_fresh_process(*words: str) -> dict[str, Any]:
 
 def train_here(run: str, model: str, name: str, seconds: str) -> dict[str, Any]:
     """Train one model in this process: steps 1 to 5 above."""
-    short = {"stability": {"batches": 50, "max_batches": 400}, "pipeline": {"doc2vec": {"documents": 300}}}
+    short = {"stability": {"batches": 50, "max_batches": 400}, "perception": {"doc2vec": {"documents": 300}}}
     config = preset(name, model, short)
     with limited_threads(1):
         trainer = build_trainer(config)
         while trainer.perceiving:
             advance(trainer, 1)
-        advance(trainer, config.agent.initial_buffer + 4)
-        fill_replay(trainer)
-        rate, updates = speed(trainer, float(seconds))
+        advance(trainer, config.dqn.initial_buffer + 4)
+        agent = trainer.agent
+        assert isinstance(agent, DQN), "which agent the presets have"
+        fill_replay(agent.replay)
+        rate, updates = speed(trainer, agent, float(seconds))
         folder = RunFolder.create(Path(run), config)
-        folder.save(Checkpoint(arrays=trainer.to_arrays(), metrics_rows=0, seconds=0.0))
+        playable = frozenset(trainer.inference_arrays())
+        folder.save(Checkpoint(arrays=trainer.to_arrays(), metrics_rows=0, seconds=0.0, playable=playable))
     return {
         "decisions_per_second": rate,
         "updates_per_second": updates,
-        "replay": len(trainer.agent.replay),
+        "replay": len(agent.replay),
         "training_gb": peak_gb(),
     }
 
@@ -155,15 +161,15 @@ def advance(trainer: Trainer, decisions: int) -> None:
     trainer.run()
 
 
-def fill_replay(trainer: Trainer) -> None:
+def fill_replay(replay: ReplayBuffer) -> None:
     """Add what is in the replay buffer again and again until it is full."""
-    replay = trainer.agent.replay
     entries = {key: np.copy(value) for key, value in replay.to_arrays().items() if key != "count"}
     n = len(entries["actions"])
     for i in range(replay.capacity - n):
         one = {key: value[i % n] for key, value in entries.items()}
         replay.add(
             one["observations"],
+            one["plans"],
             int(one["actions"]),
             float(one["rewards"]),
             terminated=bool(one["terminated"]),
@@ -172,10 +178,10 @@ def fill_replay(trainer: Trainer) -> None:
     assert len(replay) == replay.capacity
 
 
-def speed(trainer: Trainer, seconds: float) -> tuple[float, float]:
+def speed(trainer: Trainer, agent: DQN, seconds: float) -> tuple[float, float]:
     """Return decisions and updates a second: medians over stretches of about a second."""
     rates: list[float] = []
-    decisions, updates = trainer.decisions_, trainer.agent.updates_
+    decisions, updates = trainer.decisions_, agent.updates_
     end = time.perf_counter() + seconds
     while time.perf_counter() < end:
         first, start = trainer.decisions_, time.perf_counter()
@@ -183,7 +189,7 @@ def speed(trainer: Trainer, seconds: float) -> tuple[float, float]:
             advance(trainer, 4)
         rates.append((trainer.decisions_ - first) / elapsed)
     rate = float(np.median(rates))
-    return rate, rate * (trainer.agent.updates_ - updates) / (trainer.decisions_ - decisions)
+    return rate, rate * (agent.updates_ - updates) / (trainer.decisions_ - decisions)
 
 
 def peak_gb() -> float:

@@ -38,7 +38,7 @@ class Arguments:
     """Measure how long a forest takes to grow from what a run remembers."""
 
     run: Annotated[Path, tyro.conf.Positional]
-    """A run of a model whose world is foreseen by trees: ram-map, objects-map, semantic-map."""
+    """A run of a model whose world is predicted by trees: ram-map, objects-map, semantic-map."""
     decisions: tuple[int, ...] = (1_000, 10_000, 100_000)
     """How many of those it remembers."""
     json: bool = False
@@ -66,7 +66,7 @@ def main(arguments: Arguments) -> None:
 
 def remembered(run: Path) -> tuple[TreeWorld, Floats, NDArray[np.float64]]:
     """Return the world model of a run, and what its trees learn from."""
-    world = load_player(run, memory=True).require_foresight(run).world
+    world = load_player(run, memory=True).require_predictions(run).world_model
     if not isinstance(world, TreeWorld):
         raise UsageError(f"{run} remembers nothing that trees learn from")
     return world, *world.lessons(world.experience, np.random.default_rng(0))

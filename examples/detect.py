@@ -4,7 +4,6 @@ import tyro
 
 from semrl import make_env
 from semrl.perception.detection import OtsuDetector
-from semrl.perception.detection.grey import to_grey
 
 
 def main(decisions: int = 60) -> None:
@@ -12,9 +11,9 @@ def main(decisions: int = 60) -> None:
     env, detector = make_env(), OtsuDetector()
     frame, _ = env.reset(seed=0)
     for _ in range(decisions):
-        detector.partial_fit(to_grey(frame))
+        detector.partial_fit(frame)
         frame, *_ = env.step(env.action_space.sample())
-    objects = detector.detect(to_grey(frame))
+    objects = detector.detect(frame)
     print(f"{len(objects)} objects brighter than {detector.threshold_:.0f} of 255")
     for (row, column), (_, _, height, width) in zip(objects.centres_px, objects.boxes_px, strict=True):
         print(f"row {row:4.1f}  column {column:4.1f}  {height}×{width} px")

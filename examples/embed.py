@@ -4,17 +4,16 @@ import numpy as np
 import tyro
 from classify import learn_to_see
 
-from semrl.perception.detection.grey import to_grey
 from semrl.perception.embedding import HashedEmbedding
 
 
 def main(batches: int = 100, decisions: int = 10) -> None:
     """Print the cosine similarity of each two adjacent frames of a game."""
-    pipeline, game = learn_to_see(batches)
+    perception, game = learn_to_see(batches)
     embedding = HashedEmbedding()
-    before = embedding.transform(pipeline.scene(to_grey(game.step(0).observation.frame)))
+    before = embedding.transform(perception.scene(game.step(0).observation.frame))
     for decision in range(decisions):
-        after = embedding.transform(pipeline.scene(to_grey(game.step(0).observation.frame)))
+        after = embedding.transform(perception.scene(game.step(0).observation.frame))
         cosine = before @ after / max(np.linalg.norm(before) * np.linalg.norm(after), 1e-9)
         print(f"decision {decision + 1:2}: cosine similarity {cosine:.3f}")
         before = after

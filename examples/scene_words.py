@@ -3,15 +3,14 @@
 import tyro
 from classify import learn_to_see
 
-from semrl.perception.detection.grey import to_grey
 from semrl.perception.embedding import WordsConfig, sentences
 
 
 def main(batches: int = 100, objects: int = 3) -> None:
     """Print the words of the first few objects of a frame."""
-    pipeline, game = learn_to_see(batches)
-    graph = pipeline.scene(to_grey(game.step(0).observation.frame))
-    print(f"{len(graph)} objects, {len(graph.edges)} pairs at most {pipeline.config.scene.proximity_px:.0f} px apart")
+    perception, game = learn_to_see(batches)
+    graph = perception.scene(game.step(0).observation.frame)
+    print(f"{len(graph)} objects, {len(graph.edges)} pairs at most {perception.config.scene.proximity_px:.0f} px apart")
     for words in sentences(graph, WordsConfig())[:objects]:
         print(" ".join(words))
 

@@ -42,7 +42,8 @@ def default(symbol):
     """Return the default of a dataclass field, or the value of a constant."""
     owner, name, value = resolve(symbol)
     if dataclasses.is_dataclass(owner):
-        return next(field.default for field in dataclasses.fields(owner) if field.name == name)
+        field = next(field for field in dataclasses.fields(owner) if field.name == name)
+        return field.default if field.default_factory is dataclasses.MISSING else field.default_factory()
     return value
 
 

@@ -15,7 +15,7 @@ RUNS = {
     "detect": (["--decisions", "55"], "objects brighter than"),
     "embed": (["--batches", "20", "--decisions", "3"], "cosine similarity"),
     "maze": (["--steps", "1500"], "208 values"),
-    "plan": (["--episodes", "10"], "the agent is told"),
+    "plan": (["--episodes", "10"], "the agent is shown"),
     "query_map": (["--episodes", "10"], "state losses gaining"),
     "sb3_dqn": ([*CATCH, "--decisions", "200"], "on vectors of (256,)"),
     "scene_words": (["--batches", "20"], "pos_x"),

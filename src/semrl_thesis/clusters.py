@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from semrl.core import Ints
 from semrl.perception.clustering import davies_bouldin, dunn, silhouette
-from semrl.perception.reduction import ObjectPCA
+from semrl.perception.reduction.protocol import Reducer
 from semrl.training import RunConfig, preset
 from semrl_thesis.base import Experiment, Lab
 from semrl_thesis.figures import Bars, Curve, Curves, Figure, Panel, Picture, Pictures, Scatter
-from semrl_thesis.perception import Schooled, new_run, objects_of, school
+from semrl_thesis.perception import Pretrained, new_run, objects_of, pretrain
 from semrl_thesis.results import Number, Result
 
 PRESETS = {"thesis": "", "semrl": "@semrl"}
@@ -80,51 +80,51 @@ class _Seen:
 
 
 def measure(settings: Settings, lab: Lab) -> Result:
-    """School perception in each preset and judge it on a new run."""
+    """Pretrain perception in each preset and judge it on a new run."""
     values: dict[str, float | None] = {}
-    schooled: dict[str, Schooled] = {}
+    pretrained: dict[str, Pretrained] = {}
     seen: dict[str, _Seen] = {}
     for name, suffix in PRESETS.items():
         lab.say(f"perception of preset {name}")
         config = preset(name, "birch", settings.overrides)
-        schooled[name] = school(config, "classes")
-        seen[name] = _look(schooled[name], config, settings.frames)
-        measured = _values(schooled[name], seen[name], settings)
+        pretrained[name] = pretrain(config, "classes")
+        seen[name] = _look(pretrained[name], config, settings.frames)
+        measured = _values(pretrained[name], seen[name], settings)
         values |= {f"{id_}{suffix}": value for id_, value in measured.items()}
-    return Result(values=values, figures=_figures(schooled, seen))
+    return Result(values=values, figures=_figures(pretrained, seen))
 
 
-def _look(schooled: Schooled, config: RunConfig, frames: int | None) -> _Seen:
-    pipeline = schooled.pipeline
-    found = list(objects_of(pipeline, new_run(config, frames)))
+def _look(pretrained: Pretrained, config: RunConfig, frames: int | None) -> _Seen:
+    perception = pretrained.perception
+    found = list(objects_of(perception, new_run(config, frames)))
     features = np.concatenate([objects.features for objects in found])
-    reduced = pipeline.pca.transform(features)
+    reduced = perception.reducer.transform(features)
     return _Seen(
         frames=len(found),
         reduced=reduced,
-        classes=pipeline.birch.predict(reduced),
-        explained=explained_variance(pipeline.pca, features),
+        classes=perception.clusterer.predict(reduced),
+        explained=explained_variance(perception.reducer, features),
     )
 
 
-def explained_variance(pca: ObjectPCA, features: NDArray[Any]) -> NDArray[np.float64]:
+def explained_variance(reducer: Reducer, features: NDArray[Any]) -> NDArray[np.float64]:
     """Return the share of the variance of ``(n, d)`` objects that the first 1, 2, … components explain, ``(k,)``."""
-    reduced = pca.transform(features)
+    reduced = reducer.transform(features)
     total = np.square(features - features.mean(axis=0, dtype=np.float64)).sum()
     kept = np.tri(reduced.shape[1], dtype=np.float32)  # row i: the first i + 1
-    return np.array([1 - np.square(features - pca.inverse_transform(reduced * k)).sum() / total for k in kept])
+    return np.array([1 - np.square(features - reducer.inverse_transform(reduced * k)).sum() / total for k in kept])
 
 
-def _values(schooled: Schooled, seen: _Seen, settings: Settings) -> dict[str, float | None]:
-    birch = schooled.pipeline.birch
+def _values(pretrained: Pretrained, seen: _Seen, settings: Settings) -> dict[str, float | None]:
+    clusterer = pretrained.perception.clusterer
     rows, classes = seen.reduced[:: settings.indices_every], seen.classes[:: settings.indices_every]
     return {
         "pca/explained-variance": 100 * float(seen.explained[-1]),
         "pca/explained-variance-2-components": 100 * float(seen.explained[1]),
-        "pca/batches": schooled.batches["pca"],
-        "birch/batches": schooled.batches["birch"],
-        "birch/leaves": birch.n_leaves_,
-        "birch/classes": len(birch.classes_),
+        "pca/batches": pretrained.batches["reduction"],
+        "birch/batches": pretrained.batches["clustering"],
+        "birch/leaves": clusterer.n_clusters_,
+        "birch/classes": len(clusterer.classes_),
         "new-run/decisions": seen.frames - 1,
         "new-run/objects": len(seen.classes),
         "clusters/silhouette": silhouette(rows, classes),
@@ -133,9 +133,9 @@ def _values(schooled: Schooled, seen: _Seen, settings: Settings) -> dict[str, fl
     }
 
 
-def _figures(schooled: Mapping[str, Schooled], seen: Mapping[str, _Seen]) -> tuple[Figure, ...]:
+def _figures(pretrained: Mapping[str, Pretrained], seen: Mapping[str, _Seen]) -> tuple[Figure, ...]:
     def each(draw: Any) -> tuple[tuple[str, Panel], ...]:
-        return tuple((f"preset {name}", draw(schooled[name], seen[name])) for name in schooled)
+        return tuple((f"preset {name}", draw(pretrained[name], seen[name])) for name in pretrained)
 
     return (
         Figure(
@@ -143,14 +143,14 @@ def _figures(schooled: Mapping[str, Schooled], seen: Mapping[str, _Seen]) -> tup
             title="PCA becomes stable",
             says="How far the same objects moved when they were transformed again 250 batches later; it ends below the "
             "goal.",
-            panels=each(lambda s, _: _path(s, "pca", "mean absolute difference", 0.05)),
+            panels=each(lambda s, _: _path(s, "reduction", "mean absolute difference", 0.05)),
         ),
         Figure(
             number="4.2",
             title="Birch becomes stable",
             says="How well the classes of the same objects agree with those of 250 batches earlier; it ends above the "
             "goal.",
-            panels=each(lambda s, _: _path(s, "birch", "balanced accuracy", 0.95)),
+            panels=each(lambda s, _: _path(s, "clustering", "balanced accuracy", 0.95)),
         ),
         Figure(
             number="4.3",
@@ -180,21 +180,21 @@ def _figures(schooled: Mapping[str, Schooled], seen: Mapping[str, _Seen]) -> tup
     )
 
 
-def _path(schooled: Schooled, stage: str, ylabel: str, goal: float) -> Curves:
-    values = np.array(schooled.stability[stage])
-    batches = schooled.batches[stage] - len(values) + 1 + np.arange(len(values))
+def _path(pretrained: Pretrained, stage: str, ylabel: str, goal: float) -> Curves:
+    values = np.array(pretrained.stability[stage])
+    batches = pretrained.batches[stage] - len(values) + 1 + np.arange(len(values))
     return Curves(xlabel="batches", ylabel=ylabel, curves=(Curve(label=stage, x=batches, y=values),), goal=goal)
 
 
-def _centres(schooled: Schooled) -> Pictures:
-    pipeline = schooled.pipeline
-    size = pipeline.detector.crop_size_px
-    images = pipeline.pca.inverse_transform(pipeline.birch.centres_).reshape(-1, size, size)
+def _centres(pretrained: Pretrained) -> Pictures:
+    perception = pretrained.perception
+    size = perception.detector.crop_size_px
+    images = perception.reducer.inverse_transform(perception.clusterer.centres_).reshape(-1, size, size)
     grey = np.clip(images * 255, 0, 255).astype(np.uint8)
     return Pictures(
         pictures=tuple(
             Picture(caption=str(number), image=image)
-            for number, image in zip(pipeline.birch.classes_.tolist(), grey, strict=True)
+            for number, image in zip(perception.clusterer.classes_.tolist(), grey, strict=True)
         )
     )
 
@@ -233,7 +233,7 @@ EXPERIMENT = Experiment(
         "tiny": Settings(
             frames=40,
             overrides={
-                "pipeline": {"detection": {"threshold_frames": 5}, "scene": {"scenery_frames": 5}},
+                "perception": {"otsu": {"threshold_frames": 5}, "scene": {"scenery_frames": 5}},
                 "stability": {"batches": 5, "max_batches": 20},
             },
         ),

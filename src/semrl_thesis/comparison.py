@@ -12,7 +12,6 @@ import numpy as np
 
 from semrl.core import SceneGraph
 from semrl.core.errors import MissingExtraError
-from semrl.perception.config import make_embedder
 from semrl.perception.embedding import OnlineEmbedding
 from semrl.perception.embedding.protocol import Embedder
 from semrl.perception.embedding.retrieval import embed
@@ -21,21 +20,21 @@ from semrl.training.config import merge
 from semrl_thesis.base import Experiment, Lab, Scale
 from semrl_thesis.drift import cosines_to, probes_of
 from semrl_thesis.judging import Judge, call_judge
-from semrl_thesis.perception import NEW_RUN_SEED, PLAY_SEED, by_frame, school
+from semrl_thesis.perception import NEW_RUN_SEED, PLAY_SEED, by_frame, make_embedder, pretrain
 from semrl_thesis.results import Number, Result
 from semrl_thesis.sweep import RunSpec
 from semrl_thesis.watching import COORDINATES, Watched, watch
 
 CANDIDATES: dict[str, Mapping[str, Any]] = {
-    "pv-dbow": {"embedding": "doc2vec"},
-    "pv-dm": {"embedding": "doc2vec", "doc2vec": {"words": {"form": "pv-dm"}}},
-    "hashed": {"embedding": "hashed"},
-    "words-online": {"embedding": "online", "online": {"prior": 0.0, "anchor": 0.0}},
-    "online": {"embedding": "online"},
-    "fractional": {"embedding": "fractional"},
-    "slots": {"embedding": "slots"},
+    "pv-dbow": {"embedder": "doc2vec"},
+    "pv-dm": {"embedder": "doc2vec", "doc2vec": {"words": {"form": "pv-dm"}}},
+    "hashed": {"embedder": "hashed"},
+    "words-online": {"embedder": "online", "online": {"prior": 0.0, "anchor": 0.0}},
+    "online": {"embedder": "online"},
+    "fractional": {"embedder": "fractional"},
+    "slots": {"embedder": "slots"},
 }
-"""Settings of the pipeline on top of the preset `semrl`, whose perception gives all of them the same scenes."""
+"""Settings of perception on top of the preset `semrl`, whose perception gives all of them the same scenes."""
 
 THESIS = {"ratio": 0.789, "pearson": -0.463}
 """Of PV-DBOW, on scenes with everything in them (§4.1.3)."""
@@ -79,19 +78,19 @@ class Settings:
 
 def measure(settings: Settings, lab: Lab) -> Result:
     """Measure every candidate on the same scenes."""
-    base = candidate_config(settings.overrides, {"embedding": "hashed"})
-    pipeline = school(base, "embedding").pipeline
+    base = candidate_config(settings.overrides, {"embedder": "hashed"})
+    perception = pretrain(base, "scene").perception
     lab.say("play to learn from")
     most = max(settings.documents, settings.drift[1])
-    stream = watch(pipeline, base, most, base.seed + PLAY_SEED)
-    validation = watch(pipeline, base, settings.validation, base.seed + NEW_RUN_SEED)
+    stream = watch(perception, base, most, base.seed + PLAY_SEED)
+    validation = watch(perception, base, settings.validation, base.seed + NEW_RUN_SEED)
     judge = call_judge(stream.first(settings.documents), validation)
     values: dict[str, float | None] = {"comparison/direct-search/within-5": judge.best.within(5)}
     notes, lacks = [], set()
     for name, candidate in CANDIDATES.items():
         lab.say(f"embedding {name}")
         try:
-            embedder = make_embedder(candidate_config(settings.overrides, candidate).pipeline)
+            embedder = make_embedder(candidate_config(settings.overrides, candidate))
         except MissingExtraError as error:
             notes.append(f"{name} was left out: {error}")
             lacks.add(error.extra)
@@ -104,9 +103,9 @@ def measure(settings: Settings, lab: Lab) -> Result:
     return Result(values=values, notes=tuple(notes), lacks=tuple(sorted(lacks)))
 
 
-def candidate_config(overrides: Mapping[str, Any], pipeline: Mapping[str, Any]) -> RunConfig:
+def candidate_config(overrides: Mapping[str, Any], perception: Mapping[str, Any]) -> RunConfig:
     """Return the preset `semrl` with the settings of an experiment and, on top, those of a candidate."""
-    return by_frame("semrl", overrides, {"pipeline": pipeline})
+    return by_frame("semrl", overrides, {"perception": perception})
 
 
 def _measure(embedder: Embedder, judge: Judge, stream: Watched, settings: Settings) -> dict[str, float | None]:
@@ -148,7 +147,7 @@ def _agents(decisions: int, names: Sequence[str], overrides: Mapping[str, Any] |
             model="semantic",
             seed=0,
             decisions=decisions,
-            overrides=merge(overrides or {}, {"agent": {"final_exploration": 1.0}, "pipeline": CANDIDATES[name]}),
+            overrides=merge(overrides or {}, {"dqn": {"final_exploration": 1.0}, "perception": CANDIDATES[name]}),
             variant=name,
         )
         for name in names
@@ -162,8 +161,8 @@ def _number(name: str, what: str) -> Number:
 
 
 TINY = {
-    "pipeline": {
-        "detection": {"threshold_frames": 5},
+    "perception": {
+        "otsu": {"threshold_frames": 5},
         "scene": {"scenery_frames": 5},
         "foreground": {"background_frames": 20},
         "roles": {"frames": 30},
@@ -177,7 +176,7 @@ TINY = {
 RUNS: dict[Scale, tuple[RunSpec, ...]] = {
     "full": _agents(200_000, list(CANDIDATES)),
     "quick": (),
-    "tiny": _agents(2_400, ["slots"], TINY | {"agent": {"network": {"hidden_units": [8]}}}),
+    "tiny": _agents(2_400, ["slots"], TINY | {"dqn": {"network": {"hidden_units": [8]}}}),
 }
 
 EXPERIMENT = Experiment(

@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 from scipy.linalg import orthogonal_procrustes
 
 from semrl.core import Floats, SceneGraph
-from semrl.perception.config import make_embedder
 from semrl.perception.embedding import OnlineEmbedding
 from semrl.perception.embedding.retrieval import cosine_similarities, embed
 from semrl.training import RunConfig
 from semrl_thesis.base import Experiment, Lab
 from semrl_thesis.figures import Curve, Curves, Figure
 from semrl_thesis.judging import Judge, call_judge
-from semrl_thesis.perception import NEW_RUN_SEED, PLAY_SEED, by_frame, school
+from semrl_thesis.perception import NEW_RUN_SEED, PLAY_SEED, by_frame, make_embedder, pretrain
 from semrl_thesis.results import Number, Result
 from semrl_thesis.watching import Watched, watch
 
@@ -110,10 +109,10 @@ def turned_back(before: Floats, after: Floats) -> Floats:
 def measure(settings: Settings, lab: Lab) -> Result:
     """Learn from one stream of scenes by every method, and look at the same probes on the way."""
     config = _config(settings, {})
-    pipeline = school(config, "embedding").pipeline
+    perception = pretrain(config, "scene").perception
     lab.say("play to learn from")
-    stream = watch(pipeline, config, settings.looks[-1], config.seed + PLAY_SEED)
-    validation = watch(pipeline, config, settings.validation, config.seed + NEW_RUN_SEED)
+    stream = watch(perception, config, settings.looks[-1], config.seed + PLAY_SEED)
+    validation = watch(perception, config, settings.validation, config.seed + NEW_RUN_SEED)
     judge = call_judge(stream.first(settings.documents), validation)
     courses = {}
     for name, method in METHODS.items():
@@ -127,11 +126,11 @@ def measure(settings: Settings, lab: Lab) -> Result:
 
 
 def _config(settings: Settings, online: Mapping[str, Any]) -> RunConfig:
-    return by_frame("semrl", settings.overrides, {"pipeline": {"embedding": "online", "online": online}})
+    return by_frame("semrl", settings.overrides, {"perception": {"embedder": "online", "online": online}})
 
 
 def _follow(method: Method, config: RunConfig, stream: Watched, judge: Judge, looks: Sequence[int]) -> Course:
-    embedder = make_embedder(config.pipeline)
+    embedder = make_embedder(config)
     assert isinstance(embedder, OnlineEmbedding)
     seen = list(_looked_at(embedder, stream.scenes[: method.rests_after], probes_of(judge.validation), looks))
     before = seen[0]
@@ -200,8 +199,8 @@ EXPERIMENT = Experiment(
             documents=60,
             validation=40,
             overrides={
-                "pipeline": {
-                    "detection": {"threshold_frames": 5},
+                "perception": {
+                    "otsu": {"threshold_frames": 5},
                     "scene": {"scenery_frames": 5},
                     "online": {"buckets": 512},
                 },

@@ -8,7 +8,7 @@ import numpy as np
 
 from semrl.core.errors import MissingExtraError
 from semrl.evaluation.player import Policy
-from semrl.planning.module import MAP_MODELS
+from semrl.training.config import MODELS as ALL_MODELS
 from semrl_thesis.base import Experiment, Lab, Scale
 from semrl_thesis.figures import Curve, Curves, Figure
 from semrl_thesis.ledger import Ledger
@@ -78,7 +78,7 @@ class Race:
 
 def policies(model: str) -> tuple[Policy, ...]:
     """Return who can play after a run of a model."""
-    return ("agent", "planner") if model in MAP_MODELS else ("agent",)
+    return ("agent", "planner") if ALL_MODELS[model].plans else ("agent",)
 
 
 def measure(race: Race, lab: Lab) -> Result:
@@ -182,11 +182,11 @@ def _numbers() -> tuple[Number, ...]:
 
 TINY = {
     "env": "semrl/Catch-v0",
-    "pipeline": {"foreground": {"background_frames": 20}, "roles": {"frames": 30}},
+    "perception": {"foreground": {"background_frames": 20}, "roles": {"frames": 30}},
     "stability": {"batches": 5, "max_batches": 20, "decisions": 60},
-    "agent": {"network": {"hidden_units": [8]}, "batch_size": 8, "initial_buffer": 20, "decisions_per_update": 10},
-    "reasoning": {
-        "short_term": {"depth": 4, "scenarios": 6},
+    "dqn": {"network": {"hidden_units": [8]}, "batch_size": 8, "initial_buffer": 20, "decisions_per_update": 10},
+    "planning": {
+        "scenarios": {"depth": 4, "scenarios": 6},
         "trees": {"first_decisions": 40, "new_decisions": 30},
     },
 }

@@ -1,4 +1,4 @@
-"""Figures of the method (chapter 3), from the live pipeline: what each step makes of a frame, and the networks."""
+"""Figures of the method (chapter 3), from live perception: what each step makes of a frame, and the networks."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -9,19 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import nn
 
-from semrl.agents.networks import build_network
+from semrl.agents.networks import QNetwork
 from semrl.core import Image, Observation
 from semrl.envs import Game, make_env, rom_name
-from semrl.evaluation.sight import CLASS_COLOURS, look
-from semrl.perception.config import MODELS
+from semrl.evaluation.sight import CLASS_COLOURS
 from semrl.perception.detection import OtsuDetector
 from semrl.perception.detection.grey import to_grey
-from semrl.perception.pipeline import Pipeline
+from semrl.perception.encoders import ENCODERS, Encoder
 from semrl.training import RunConfig
+from semrl.training.config import MODELS
 from semrl.world_model import NextStateNetwork
 from semrl_thesis.base import Experiment, Lab
 from semrl_thesis.figures import Figure, Layers, Picture, Pictures, Scene
-from semrl_thesis.perception import by_frame, new_run, school
+from semrl_thesis.perception import by_frame, new_run, pretrain
 from semrl_thesis.results import Result
 
 
@@ -45,10 +45,11 @@ def measure(settings: Settings, lab: Lab) -> Result:
     """Take one frame through every step."""
     lab.say("figures of the method")
     config = _config("thesis", settings)
-    detector = school(config, "embedding").pipeline.detector
+    detector = pretrain(config, "scene").perception.detector
+    assert isinstance(detector, OtsuDetector)
     observation = _frame(config, settings)
     graphs = tuple(
-        (f"preset {name}", _scene(school(_config(name, settings), "embedding").pipeline, observation))
+        (f"preset {name}", _scene(pretrain(_config(name, settings), "scene").encoder, observation))
         for name in ("thesis", "semrl")
     )
     return Result(
@@ -68,7 +69,7 @@ def measure(settings: Settings, lab: Lab) -> Result:
 
 def _config(name: str, settings: Settings) -> RunConfig:
     """Return a preset whose embedding needs nothing: no vector is drawn."""
-    return by_frame(name, settings.overrides, {"pipeline": {"embedding": "hashed"}})
+    return by_frame(name, settings.overrides, {"perception": {"embedder": "hashed"}})
 
 
 def _frame(config: RunConfig, settings: Settings) -> Observation:
@@ -102,8 +103,10 @@ def _coloured(labels: NDArray[np.int32]) -> Image:
     return np.where(labels[..., None] > 0, colours[(labels - 1) % len(colours)], np.uint8(0))
 
 
-def _scene(pipeline: Pipeline, observation: Observation) -> Scene:
-    sight = look(pipeline, observation)
+def _scene(encoder: Encoder, observation: Observation) -> Scene:
+    episode = encoder.begin()
+    episode.encode(observation)
+    sight = episode.look()
     return Scene(
         frame=observation.frame,
         boxes_px=sight.boxes_px,
@@ -117,13 +120,16 @@ def _networks(config: RunConfig) -> tuple[Figure, ...]:
     """Draw Figs. 3.8 and 3.9 from the networks as they are built."""
     env = make_env(config.env, config.environment)
     n_actions = Game(env, 0).n_actions
-    shown = {model: Pipeline(config.pipeline, MODELS[model], rom_name(env)).shape for model in ("baseline", "semantic")}
+    shown = {
+        model: ENCODERS.load(MODELS[model].encoder)(config.perception, rom=rom_name(env), planning=False).space.shape
+        for model in ("baseline", "semantic")
+    }
     dimension = shown["semantic"][0]
     networks = tuple(
-        (f"model {model}", _layers(build_network(shape, n_actions, config.agent.network, seed=0), _input(shape)))
+        (f"model {model}", _layers(QNetwork(shape, n_actions, config.dqn.network, seed=0).modules(), _input(shape)))
         for model, shape in shown.items()
     )
-    model = NextStateNetwork(config.reasoning.models.next_state, dimension, n_actions)
+    model = NextStateNetwork(config.planning.networks.next_state, dimension, n_actions)
     inputs = f"state {dimension}, difference {dimension}, action {n_actions}"
     return (
         Figure(
@@ -170,7 +176,7 @@ EXPERIMENT = Experiment(
         "quick": Settings(),
         "tiny": Settings(
             overrides={
-                "pipeline": {"detection": {"threshold_frames": 5}, "scene": {"scenery_frames": 5}},
+                "perception": {"otsu": {"threshold_frames": 5}, "scene": {"scenery_frames": 5}},
                 "stability": {"batches": 5, "max_batches": 20},
             }
         ),

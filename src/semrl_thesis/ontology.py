@@ -1,4 +1,4 @@
-"""Ontology and planner tests (§4.2): how well the lower line foresees a new run, and what its map is like."""
+"""Ontology and planner tests (§4.2): how well the lower line predicts a new run, and what its map is like."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -13,8 +13,9 @@ from semrl.evaluation import load_player
 from semrl.evaluation.player import Player
 from semrl.evaluation.scores import EVALUATION_SEED, PROBING
 from semrl.knowledge.description import describe
-from semrl.planning.module import MAP_MODELS, Reasoner
+from semrl.planning.module import PlanningModule
 from semrl.planning.state_map import StateMap
+from semrl.training.config import MODELS
 from semrl.world_model import EpisodeRecord
 from semrl_thesis.base import Experiment, Lab
 from semrl_thesis.figures import Figure, Matrix, Network, Panel
@@ -91,7 +92,7 @@ def _fewer_kinds(values: Mapping[str, float | None]) -> list[str]:
         _, states, what = id_.partition("@")[0].split("/")
         preset = id_.partition("@")[2] or "thesis"
         notes.append(
-            f"reward/{states}, preset {preset}: the run had no {what}; who always foresees nothing has 50 % there, "
+            f"reward/{states}, preset {preset}: the run had no {what}; who always predicts nothing has 50 % there, "
             "where the thesis's had 33.3 of three kinds"
         )
     return notes
@@ -109,10 +110,10 @@ def _of_run(spec: RunSpec, settings: Settings, lab: Lab) -> Result:
     lab.say(f"next states, rewards and map of {spec.id}")
     try:
         player = load_player(lab.run_folder(spec), memory=True).under(exploration=PROBING)
-        reasoner = player.require_foresight(spec.id)
+        planning = player.require_predictions(spec.id)
     except UsageError as error:
         return Result(values={}, notes=(f"{spec.id} was not tested: {error}",), whole=False)
-    test = _test(reasoner, new_run(player, reasoner, settings.decisions))
+    test = _test(planning, new_run(player, planning, settings.decisions))
     states, suffix = STATES[spec.model], "" if spec.preset == "thesis" else f"@{spec.preset}"
     values = {}
     for id_, value in test.values.items():
@@ -123,23 +124,24 @@ def _of_run(spec: RunSpec, settings: Settings, lab: Lab) -> Result:
     return result
 
 
-def new_run(player: Player, reasoner: Reasoner, most: int | None) -> Trajectory:
+def new_run(player: Player, planning: PlanningModule, most: int | None) -> Trajectory:
     """Let the agent play one episode that nothing is learned from, cut after so many decisions."""
     steps = player.episode(0, player.config.seed + EVALUATION_SEED)
     step = next(steps)
-    record = EpisodeRecord(reasoner.dimension)
+    record = EpisodeRecord(planning.dimension)
     for decisions, after in enumerate(steps, 1):
-        assert after.action is not None
-        record.add(step.state[0, reasoner.facts], after.action, after.total - step.total)
+        assert step.state is not None and after.action is not None
+        record.add(step.state.facts, after.action, after.reward)
         step = after
         if decisions == most:
             break
-    return record.so_far(step.state[0, reasoner.facts])
+    assert step.state is not None
+    return record.so_far(step.state.facts)
 
 
-def _test(reasoner: Reasoner, run: Trajectory) -> _Tested:
-    next_states, rewards, matrices = examine(reasoner, run)
-    described, drawn = _map(reasoner, run)
+def _test(planning: PlanningModule, run: Trajectory) -> _Tested:
+    next_states, rewards, matrices = examine(planning, run)
+    described, drawn = _map(planning, run)
     tests: dict[str, Mapping[str, float | None]] = {
         "new-run": {
             "decisions": len(run),
@@ -158,9 +160,9 @@ def _test(reasoner: Reasoner, run: Trajectory) -> _Tested:
     )
 
 
-def _map(reasoner: Reasoner, run: Trajectory) -> tuple[dict[str, float | None], Network]:
+def _map(planning: PlanningModule, run: Trajectory) -> tuple[dict[str, float | None], Network]:
     """Describe the map, alone and by a run, and place its nodes by two principal components."""
-    learned, on_map = reasoner.state_map, reasoner.on_map(run)
+    learned, on_map = planning.state_map, planning.on_map(run)
     graph, described = learned.graph_, describe(learned.graph_)
     scratch = StateMap(learned.config, learned.dimension, learned.n_actions, changes=learned.changes).partial_fit(
         on_map
@@ -243,7 +245,7 @@ def _numbers() -> tuple[Number, ...]:
 
 def _runs(specs: tuple[RunSpec, ...]) -> tuple[RunSpec, ...]:
     """Return the runs that are tested: of each map model the first seed of each preset."""
-    return tuple(spec for spec in specs if spec.model in MAP_MODELS and spec.seed == 0)
+    return tuple(spec for spec in specs if MODELS[spec.model].plans and spec.seed == 0)
 
 
 RUNS = {scale: _runs(sweep.runs()) for scale, sweep in SWEEPS.items()}

@@ -138,8 +138,9 @@ class Queue:
         try:
             yield
         finally:
-            for job in self._jobs:
-                job.process.terminate()
+            for job in self._jobs:  # not by a signal, which some systems do not let be handled
+                assert job.process.stdin is not None
+                job.process.stdin.close()
             for job in self._jobs:
                 job.process.wait()
                 job.said.close()

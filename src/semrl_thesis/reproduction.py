@@ -3,6 +3,7 @@
 import difflib
 import fnmatch
 import importlib
+import importlib.resources
 import importlib.util
 import pkgutil
 from collections.abc import Callable, Sequence
@@ -12,7 +13,7 @@ from pathlib import Path
 from typing import Literal
 
 import semrl
-from semrl import experiments
+import semrl_thesis
 from semrl.core.errors import UsageError
 from semrl.core.files import make_folder
 from semrl.training.session import limited_threads
@@ -22,8 +23,8 @@ from semrl_thesis.queue import Queue
 from semrl_thesis.results import Result, Row, Section, digest, read_result, rows_of, write_result, write_rows
 from semrl_thesis.sweep import RunSpec, cheapest_first
 
-SHIPPED = Path(semrl.__file__).parents[2] / "docs" / "results"
-"""Results that lie in the repository: what stands there need not be measured again."""
+SHIPPED = Path(str(importlib.resources.files("semrl_thesis") / "shipped"))
+"""Results that come with this package: what stands there need not be measured again."""
 
 EXTRAS = {"thesis": "gensim", "sb3": "stable_baselines3"}
 """What tells whether an extra is installed."""
@@ -45,7 +46,7 @@ class Order:
     only
         Patterns such as ``semrl-ram*``: of the runs only those that match one of them; empty: all.
     afresh
-        Leave out of account what lies in ``docs/results``.
+        Leave out of account what comes with this package.
     """
 
     workers: int = 2
@@ -66,8 +67,8 @@ class Reproduction:
 @cache
 def discover() -> dict[str, Experiment]:
     """Return all experiments by name: every module of this package that has an ``EXPERIMENT``."""
-    modules = [importlib.import_module(f"{experiments.__name__}.{module.name}")
-               for module in pkgutil.iter_modules(experiments.__path__) if module.name != "worker"]  # fmt: skip
+    modules = [importlib.import_module(f"{semrl_thesis.__name__}.{module.name}")
+               for module in pkgutil.iter_modules(semrl_thesis.__path__) if module.name != "worker"]  # fmt: skip
     found = [module.EXPERIMENT for module in modules if hasattr(module, "EXPERIMENT")]
     return {experiment.name: experiment for experiment in sorted(found, key=lambda e: e.place)}
 

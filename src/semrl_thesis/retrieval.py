@@ -22,10 +22,9 @@ from semrl.perception.embedding.retrieval import (
     retrieve,
     search,
 )
-from semrl.perception.pipeline import Pipeline
 from semrl.training import RunConfig
 from semrl_thesis.base import Experiment, Lab
-from semrl_thesis.perception import PLAY_SEED, by_frame, new_run, random_play, scenes_of, school
+from semrl_thesis.perception import PLAY_SEED, by_frame, make_embedder, new_run, pretrain, random_play, scenes_of
 from semrl_thesis.results import Number, Result
 from semrl_thesis.retrieval_figures import EmbeddingTest, Validation, draw
 
@@ -41,25 +40,25 @@ class Candidate:
     ----------
     preset
         Whose perception gives the scenes.
-    pipeline
-        Nested settings of the pipeline on top of it: which embedding, and how it is set.
+    perception
+        Nested settings of perception on top of it: which embedding, and how it is set.
     self_only
         Whether the validation run is left out, as the thesis does for PV-DM.
     """
 
     preset: str
-    pipeline: Mapping[str, Any] = field(default_factory=dict)
+    perception: Mapping[str, Any] = field(default_factory=dict)
     self_only: bool = False
 
 
 CANDIDATES: dict[str, Candidate] = {
     "pv-dm": Candidate(
         preset="thesis",
-        pipeline={"embedding": "doc2vec", "doc2vec": {"words": {"form": "pv-dm"}}},
+        perception={"embedder": "doc2vec", "doc2vec": {"words": {"form": "pv-dm"}}},
         self_only=True,
     ),
-    "pv-dbow": Candidate(preset="thesis", pipeline={"embedding": "doc2vec"}),
-    "hashed": Candidate(preset="thesis", pipeline={"embedding": "hashed"}),
+    "pv-dbow": Candidate(preset="thesis", perception={"embedder": "doc2vec"}),
+    "hashed": Candidate(preset="thesis", perception={"embedder": "hashed"}),
     "semrl": Candidate(preset="semrl"),
 }
 """The thesis's two, plain signed hashing on the same scenes, and what the preset `semrl` does on its own scenes."""
@@ -138,7 +137,7 @@ def measure(settings: Settings, lab: Lab) -> Result:
         if candidate.preset not in scenes:
             scenes[candidate.preset] = _gather(candidate.preset, settings)
         try:
-            embedder = _embedder(_config(candidate.preset, settings, candidate.pipeline))
+            embedder = make_embedder(_config(candidate.preset, settings, candidate.perception))
         except MissingExtraError as error:
             notes.append(f"{name} was left out: {error}")
             lacks.add(error.extra)
@@ -153,22 +152,18 @@ def measure(settings: Settings, lab: Lab) -> Result:
     return Result(values=values, figures=draw(tests), notes=tuple(notes), lacks=tuple(sorted(lacks)))
 
 
-def _config(name: str, settings: Settings, pipeline: Mapping[str, Any]) -> RunConfig:
+def _config(name: str, settings: Settings, perception: Mapping[str, Any]) -> RunConfig:
     """Return a preset with the settings of an experiment and, on top, those of a candidate."""
-    return by_frame(name, settings.overrides, {"pipeline": pipeline})
+    return by_frame(name, settings.overrides, {"perception": perception})
 
 
 def _gather(name: str, settings: Settings) -> _Scenes:
-    """School perception, then play at random for documents and for the validation run."""
-    config = _config(name, settings, {"embedding": "hashed"})
-    pipeline = school(config, "embedding").pipeline
+    """Pretrain perception, then play at random for documents and for the validation run."""
+    config = _config(name, settings, {"embedder": "hashed"})
+    perception = pretrain(config, "scene").perception
     play = islice(random_play(config, config.seed + PLAY_SEED), settings.documents)
-    documents, validation = scenes_of(pipeline, play), scenes_of(pipeline, new_run(config, settings.frames))
+    documents, validation = scenes_of(perception, play), scenes_of(perception, new_run(config, settings.frames))
     return _Scenes(documents=documents, validation=validation, best=search(validation, documents))
-
-
-def _embedder(config: RunConfig) -> Embedder:
-    return Pipeline(config.pipeline, "embedding").embedder
 
 
 def _test(embedder: Embedder, scenes: _Scenes, settings: Settings, *, self_only: bool) -> EmbeddingTest:
@@ -225,8 +220,8 @@ EXPERIMENT = Experiment(
             self_every=2,
             frames=30,
             overrides={
-                "pipeline": {
-                    "detection": {"threshold_frames": 5},
+                "perception": {
+                    "otsu": {"threshold_frames": 5},
                     "scene": {"scenery_frames": 5},
                     "doc2vec": {"dimension": 16, "epochs": 2},
                     "hashed": {"dimension": 32},

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import trim_mean
 
-from semrl.planning.module import MAP_MODELS
+from semrl.training.config import MODELS
 from semrl.training.metrics import running_mean
 from semrl_thesis.base import Experiment, Lab, Scale
 from semrl_thesis.figures import Curve, Curves, Figure
@@ -38,16 +38,16 @@ SWEEPS: dict[Scale, Sweep] = {
         models=tuple(TABLE),
         # Who wins every game by the same line forgets all others: what is remembered is 100,000 decisions of that line.
         # Five times the play of the preset: as many updates as with a fifth of it.
-        presets={"semrl": {"environment": {"max_noops": 30}, "agent": {"decisions_per_update": 4}}},
+        presets={"semrl": {"environment": {"max_noops": 30}, "dqn": {"decisions_per_update": 4}}},
     ),
     "quick": Sweep(
         decisions={"thesis": 8_000, "semrl": 8_000},
         seeds={"thesis": ((0,), (0,)), "semrl": ((0,), (0,))},
         models=tuple(TABLE),
         overrides={
-            "pipeline": {"doc2vec": {"documents": 1000}},
-            "agent": {"initial_buffer": 500, "exploration_decisions": 434},
-            "reasoning": {"models": {"next_state": {"epochs": 5}}},
+            "perception": {"doc2vec": {"documents": 1000}},
+            "dqn": {"initial_buffer": 500, "exploration_decisions": 434},
+            "planning": {"networks": {"next_state": {"epochs": 5}}},
             "evaluation": {"max_noops": 0},
         },
         planner_episodes=1,
@@ -57,10 +57,10 @@ SWEEPS: dict[Scale, Sweep] = {
         seeds={"semrl": ((0,), (0,))},
         models=("ram-map", "semantic-map"),
         overrides={
-            "agent": {"network": {"hidden_units": [8]}, "batch_size": 8, "decisions_per_update": 50},
-            "pipeline": {
+            "dqn": {"network": {"hidden_units": [8]}, "batch_size": 8, "decisions_per_update": 50},
+            "perception": {
                 "hashed": {"dimension": 16},
-                "detection": {"threshold_frames": 5},
+                "otsu": {"threshold_frames": 5},
                 "scene": {"scenery_frames": 5},
                 "foreground": {"background_frames": 20},
                 "roles": {"frames": 30},
@@ -69,15 +69,15 @@ SWEEPS: dict[Scale, Sweep] = {
             "evaluation": {"max_noops": 0},
             "models": {
                 "ram-map": {
-                    "reasoning": {"short_term": {"depth": 3, "scenarios": 4}, "trees": {"first_decisions": 200}},
+                    "planning": {"scenarios": {"depth": 3, "scenarios": 4}, "trees": {"first_decisions": 200}},
                 },
                 "semantic-map": {
                     "env": "semrl/Catch-v0",
-                    "pipeline": {"scene": {"tracked": False}},
-                    "reasoning": {
-                        "world": "models",
-                        "short_term": {"depth": 1, "scenarios": 0},
-                        "models": {
+                    "encoder": "scene",
+                    "planning": {
+                        "world_model": "networks",
+                        "scenarios": {"depth": 1, "scenarios": 0},
+                        "networks": {
                             "next_state": {"epochs": 1, "hidden_units": [16]},
                             "reward": {"epochs": 1, "hidden_units": [8], "kind": "network"},
                         },
@@ -194,7 +194,7 @@ def _numbers() -> tuple[Number, ...]:
         ]
     return (
         *numbers,
-        *(Number(id=f"planner-alone/{m}/mean", thesis=LOST, unit="return") for m in TABLE if m in MAP_MODELS),
+        *(Number(id=f"planner-alone/{m}/mean", thesis=LOST, unit="return") for m in TABLE if MODELS[m].plans),
     )
 
 

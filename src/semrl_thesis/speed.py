@@ -17,13 +17,17 @@ import numpy as np
 
 from semrl.core import IMAGE_SIZE_PX, Frame, Observation, SceneGraph
 from semrl.core.errors import UsageError
+from semrl.perception.detection import OtsuDetector
 from semrl.perception.detection.grey import to_grey
 from semrl.perception.embedding import HashedEmbedding, WordHasher, build_scene_graph
-from semrl.perception.pipeline import Pipeline
+from semrl.perception.embedding.protocol import Embedder
+from semrl.perception.encoders import Encoder
+from semrl.perception.encoders.scene import SceneEncoder
+from semrl.perception.perception import Perception
 from semrl.training import preset
 from semrl.training.session import limited_threads
 from semrl_thesis.peers import ThesisStack, require_peers
-from semrl_thesis.perception import PLAY_SEED, by_frame, random_play, school
+from semrl_thesis.perception import PLAY_SEED, by_frame, pretrain, random_play
 from semrl_thesis.timing import ELEVATION, EMBEDDING, EMULATOR, STACK, Speed, Stage, medians
 
 BATCH = 8
@@ -79,79 +83,113 @@ def measure_speed(config: SpeedConfig, *, peers: bool, say: Callable[[str], None
         require_peers()  # now, not after perception was trained
     with limited_threads(1):
         say("learning to see")
-        pipeline, play = learn_to_see(config.seed)
+        encoder, play = learn_to_see(config.seed)
         frames = [seen.frame for seen in itertools.islice(play, config.frames)]
-        stages = upper_line(pipeline, play, frames)
-        tracked, _ = learn_to_see(config.seed, tracked=True)
+        stages = upper_line(encoder, play, frames)
+        tracked = _Episode(learn_to_see(config.seed, tracked=True)[0])
         shown = [Observation(frame=frame) for frame in frames]
-        stages.append(Stage(f"{ELEVATION}, tracked scenes", tracked.encode, shown, prepare=tracked.begin_episode))
+        stages.append(Stage(f"{ELEVATION}, tracked scenes", tracked.encode, shown, prepare=tracked.begin))
         stack = None
         if peers:
             say("training the thesis's stack")
-            stack = ThesisStack(frames, pipeline.detector.threshold_, pipeline.detector.crop_size_px)
+            stack = make_stack(frames, encoder)
             stages += stack_stages(stack, frames)
         say("measuring stages")
         times = medians(stages, config.rounds)
         say("measuring how the cost grows")
         return Speed(
             stages=times,
-            by_objects=_by_objects(pipeline, stack, config),
+            by_objects=_by_objects(encoder, stack, config),
             by_vocabulary=_by_vocabulary(config),
         )
 
 
-def learn_to_see(seed: int, *, tracked: bool = False) -> tuple[Pipeline, Iterator[Observation]]:
+def learn_to_see(seed: int, *, tracked: bool = False) -> tuple[Encoder, Iterator[Observation]]:
     """Train perception on random play of Pong; return it, and other random play.
 
     Scenes are of tracked objects, as in the preset `semrl`, or of single frames.
     """
     config = preset("semrl", "semantic", {"seed": seed}) if tracked else by_frame("semrl", {"seed": seed})
-    return school(config, "embedding").pipeline, random_play(config, seed + PLAY_SEED)
+    return pretrain(config, config.encoder_name).encoder, random_play(config, seed + PLAY_SEED)
 
 
-def upper_line(pipeline: Pipeline, play: Iterator[Observation], frames: Sequence[Frame]) -> list[Stage]:
+def make_stack(frames: Sequence[Frame], encoder: Encoder) -> ThesisStack:
+    """Train the thesis's stack on frames, with the threshold that an encoder of single frames has found."""
+    assert encoder.perception is not None
+    detector = encoder.perception.detector
+    assert isinstance(detector, OtsuDetector), "what sees single frames in the preset"
+    return ThesisStack(frames, detector.threshold_, detector.crop_size_px)
+
+
+def upper_line(encoder: Encoder, play: Iterator[Observation], frames: Sequence[Frame]) -> list[Stage]:
     """List everything between the emulator and the vector, then the whole of it."""
+    perception, embedder = _boxes(encoder)
+    detector = perception.detector
     images = [to_grey(frame) for frame in frames]
-    objects = [pipeline.detector.detect(image) for image in images]
-    reduced = [pipeline.pca.transform(found.features) for found in objects]
-    classes = [pipeline.birch.predict(rows) for rows in reduced]
-    graphs = [pipeline.scene(image) for image in images]
-    hasher = WordHasher(pipeline.config.hashed.words)
-    join = partial(build_scene_graph, proximity_px=pipeline.config.scene.proximity_px)
+    objects = [detector.detect(image) for image in images]
+    reduced = [perception.reducer.transform(found.features) for found in objects]
+    classes = [perception.clusterer.predict(rows) for rows in reduced]
+    graphs = [perception.scene(image) for image in images]
+    hasher = WordHasher(perception.config.hashed.words)
+    join = partial(build_scene_graph, proximity_px=perception.config.scene.proximity_px)
     shown = [(graph.classes, graph.centres_px) for graph in graphs]
     seen = [Observation(frame=frame) for frame in frames]
     batches = [seen[i : i + BATCH] for i in range(0, len(seen) - BATCH + 1, BATCH)]
-    newborn = _Newborn(pipeline)
+    alone, together, newborn = _Episode(encoder), [_Episode(encoder) for _ in range(BATCH)], _Newborn(encoder)
+
+    def encode_all(batch: Sequence[Observation]) -> list[Any]:
+        return [one.encode(observation) for one, observation in zip(together, batch, strict=True)]
+
     return [
         Stage(EMULATOR, lambda _: next(play), frames),
         Stage("grey image", to_grey, frames),
-        Stage("objects", pipeline.detector.detect, images),
-        Stage("reduced objects", pipeline.pca.transform, [found.features for found in objects]),
-        Stage("classes of reduced objects", pipeline.birch.predict, reduced),
-        Stage("classes, remembered", pipeline.classes, objects),
-        Stage("scenery", pipeline.shown, classes),
+        Stage("objects", detector.detect, images),
+        Stage("reduced objects", perception.reducer.transform, [found.features for found in objects]),
+        Stage("classes of reduced objects", perception.clusterer.predict, reduced),
+        Stage("classes, remembered", perception.classes, objects),
+        Stage("scenery", perception.shown, classes),
         Stage("scene graph", lambda pair: join(*pair), shown),
         Stage("words", hasher.sentences, graphs),
-        Stage("words and vector", pipeline.embedder.transform, graphs),
-        Stage(ELEVATION, pipeline.encode, seen),
-        Stage(f"{ELEVATION}, {BATCH} frames at once", pipeline.encode_batch, batches, frames=BATCH),
+        Stage("words and vector", embedder.transform, graphs),
+        Stage(ELEVATION, alone.encode, seen),
+        Stage(f"{ELEVATION}, {BATCH} frames at once", encode_all, batches, frames=BATCH),
         Stage(f"{ELEVATION}, places never met", newborn.encode, seen, prepare=newborn.forget),
     ]
 
 
-class _Newborn:
-    """The same perception without memories."""
+class _Episode:
+    """An encoder and the episode that it is in."""
 
-    def __init__(self, pipeline: Pipeline) -> None:
-        self.learned = pipeline
-        self.forget()
+    def __init__(self, encoder: Encoder) -> None:
+        self.encoder = encoder
+        self.begin()
 
-    def forget(self) -> None:
-        self.pipeline = Pipeline(self.learned.config, "embedding")
-        self.pipeline.from_arrays(self.learned.to_arrays())
+    def begin(self) -> None:
+        self.episode = self.encoder.begin()
 
     def encode(self, observation: Observation) -> Any:
-        return self.pipeline.encode(observation)
+        return self.episode.encode(observation)
+
+
+class _Newborn(_Episode):
+    """The same perception of single frames without memories."""
+
+    def forget(self) -> None:
+        self.encoder = _copy(self.encoder)
+        self.begin()
+
+
+def _copy(encoder: Encoder, **scene: Any) -> SceneEncoder:
+    """Make an encoder of single frames that has learned the same, with other settings of scenes perhaps."""
+    config = _boxes(encoder)[0].config
+    copy = SceneEncoder(replace(config, scene=replace(config.scene, **scene)))
+    copy.from_arrays(encoder.to_arrays())
+    return copy
+
+
+def _boxes(encoder: Encoder) -> tuple[Perception, Embedder]:
+    assert encoder.perception is not None, "it sees objects"
+    return encoder.perception, encoder.perception.embedder
 
 
 def stack_stages(stack: ThesisStack, frames: Sequence[Frame]) -> list[Stage]:
@@ -168,11 +206,9 @@ def stack_stages(stack: ThesisStack, frames: Sequence[Frame]) -> list[Stage]:
     ]
 
 
-def _by_objects(pipeline: Pipeline, stack: ThesisStack | None, config: SpeedConfig) -> dict[int, dict[str, float]]:
+def _by_objects(encoder: Encoder, stack: ThesisStack | None, config: SpeedConfig) -> dict[int, dict[str, float]]:
     """Time frames with more and more objects, none of them left out as scenery."""
-    everything = replace(pipeline.config, scene=replace(pipeline.config.scene, omit_scenery=False))
-    whole = Pipeline(everything, "embedding")
-    whole.from_arrays(pipeline.to_arrays())
+    whole = _Episode(_copy(encoder, omit_scenery=False))
     rng = np.random.default_rng(config.seed)
     found = {}
     for count in OBJECT_COUNTS:

@@ -4,14 +4,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from semrl.perception.config import MODELS
-from semrl.planning.module import MAP_MODELS
 from semrl.training import RunConfig, preset
-from semrl.training.config import merge
+from semrl.training.config import MODELS, merge
 from semrl_thesis.trials import Trial
 
 CHEAPEST = ("ram", "objects", "semantic", "ram-map", "objects-map", "semantic-map", "otsu", "baseline", "birch")
 """Models, those whose decisions take least time first."""
+
+PIXELS = ("grey", "components", "classes")
+"""Encoders whose states are images."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,11 +85,11 @@ class Sweep:
                 seed=seed,
                 decisions=self.decisions[name],
                 overrides=merge(self.overrides, self.presets.get(name, {})),
-                trials=(Trial(policy="planner", episodes=self.planner_episodes),) if model in MAP_MODELS else (),
+                trials=(Trial(policy="planner", episodes=self.planner_episodes),) if MODELS[model].plans else (),
             )
             for name, (pixels, others) in self.seeds.items()
             for model in self.models
-            for seed in (pixels if MODELS[model] in ("grey", "components", "classes") else others)
+            for seed in (pixels if MODELS[model].encoder in PIXELS else others)
         )
 
 

@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 
 from semrl.core import IMAGE_SIZE_PX, Ints, Observation, SceneGraph
 from semrl.core.errors import UsageError
-from semrl.envs import Game, make_env
+from semrl.envs import Game, make_env, rom_name
 from semrl.envs.ram import GAMES
-from semrl.perception.detection.grey import to_grey
-from semrl.perception.pipeline import Pipeline
+from semrl.perception.perception import Perception
 from semrl.training import RunConfig
 
 COORDINATES = ("player_y", "enemy_y", "ball_x", "ball_y")
@@ -69,7 +68,7 @@ class Watched:
         return np.array([bool((np.abs(s.centres_px - b) < SEEN_WITHIN_PX).all(axis=1).any()) for s, b in pairs])
 
 
-def watch(pipeline: Pipeline, config: RunConfig, decisions: int, seed: int) -> Watched:
+def watch(perception: Perception, config: RunConfig, decisions: int, seed: int) -> Watched:
     """Watch Pong for so many decisions: episodes of random play and of a player that follows the ball take turns.
 
     Raises
@@ -77,15 +76,16 @@ def watch(pipeline: Pipeline, config: RunConfig, decisions: int, seed: int) -> W
     UsageError
         When the game is not Pong, whose truth alone is known.
     """
-    if pipeline.rom != "pong":
+    env = make_env(config.env, config.environment)
+    if rom_name(env) != "pong":
         raise UsageError(f"embeddings are compared on Pong, where the truth is known, not on {config.env}")
-    game, rng = Game(make_env(config.env, config.environment), seed), np.random.default_rng(seed)
+    game, rng = Game(env, seed), np.random.default_rng(seed)
     addresses = [GAMES["pong"].ram_addresses[name] for name in COORDINATES]
     scenes, coordinates, starts = [], [], []
     start, follows, observation = True, False, game.reset()
     for _ in range(decisions):
         truth = _ram(observation)[addresses].astype(np.float64)
-        scenes.append(pipeline.scene(to_grey(observation.frame)))
+        scenes.append(perception.scene(observation.frame))
         coordinates.append(truth)
         starts.append(start)
         follow = follows and rng.random() >= RANDOM_SHARE

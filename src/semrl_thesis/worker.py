@@ -3,7 +3,6 @@
 It goes on where the run stands, saves when it is told to stop, and stops when whoever started it is gone.
 """
 
-import fcntl
 import json
 import os
 import signal
@@ -13,6 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from semrl.core.errors import SemrlError
+from semrl.core.files import wait_until_unlocked
 from semrl.training import train
 from semrl.training.config import from_dict, read_toml
 from semrl_thesis.trials import Trial
@@ -24,7 +24,7 @@ def main(argv: Sequence[str]) -> int:
     run, config, trials = Path(argv[0]), Path(argv[1]), [Trial(**trial) for trial in json.loads(argv[2])]
     try:
         if run.exists():
-            _wait_for(run)
+            wait_until_unlocked(run / "lock")  # a worker whose queue was killed saves before it lets go
             train(run)
         else:
             train(run, from_dict(read_toml(config), source=str(config)))
@@ -37,17 +37,11 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
-def _wait_for(run: Path) -> None:
-    """Wait until a worker whose queue was killed has saved and let go of its run."""
-    with (run / "lock").open("w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-
-
 def _end_with_parent() -> None:
     """Stop as by SIGTERM when standard input ends: it is a pipe from the parent, which closes however that one ends."""
     while os.read(0, 1024):  # unbuffered: a lock that is held at exit would be fatal
         pass
-    os.kill(os.getpid(), signal.SIGTERM)
+    signal.raise_signal(signal.SIGTERM)
 
 
 if __name__ == "__main__":

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from semrl.core import Scenarios, Trajectory
-from semrl.planning.module import Reasoner, ReasoningConfig
+from semrl.planning.module import PlanningConfig, PlanningModule
 from semrl.world_model import ModelPair, ModelPairConfig, NextStateConfig, TreesConfig
-from semrl_thesis.foresight import confusion, examine, foretell, r2, shares
+from semrl_thesis.foresight import confusion, examine, predict_run, r2, shares
 
 RNG = np.random.default_rng(0)
 
@@ -45,7 +45,7 @@ def test_confusion():
 
 
 class Recalls(ModelPair):
-    """A world that foresees the last state again, and notes where it was asked."""
+    """A world that predicts the last state again, and notes where it was asked."""
 
     def imagine(self, moment, sequences):
         self.asked = [*getattr(self, "asked", []), (moment, int(sequences[0, 0]))]
@@ -57,9 +57,9 @@ class Recalls(ModelPair):
         )
 
 
-def test_every_decision_is_foreseen_from_what_had_led_to_it():
+def test_every_decision_is_predicted_from_what_had_led_to_it():
     run, world = walk(30), Recalls(ModelPairConfig(), 2, 2)
-    states, rewards = foretell(world, run)
+    states, rewards = predict_run(world, run)
     np.testing.assert_array_equal(states, run.states[:-1])
     assert rewards.tolist() == [1] * 30
     moment, action = world.asked[20]
@@ -70,27 +70,29 @@ def test_every_decision_is_foreseen_from_what_had_led_to_it():
 
 def test_of_updated_forests_each_has_learned_the_new_run():
     trees = TreesConfig(members=4, first_decisions=50, resolution=0.25)
-    reasoner = Reasoner(ReasoningConfig(world="trees", trees=trees), 2, 2, seed=0)
-    reasoner.learn(walk(400))
+    planning = PlanningModule(PlanningConfig(world_model="trees", trees=trees), 2, 2, seed=0)
+    planning.learn(walk(400))
     turned = walk(400)
     turned = replace(turned, actions=1 - turned.actions)
-    next_states, _, _ = examine(reasoner, turned)
+    next_states, _, _ = examine(planning, turned)
     assert next_states["updated"] > next_states["trained"] + 1
 
 
-@pytest.mark.parametrize("kind", ["trees", "models"])
+@pytest.mark.parametrize("kind", ["trees", "networks"])
 def test_worlds_are_tested_in_every_way_and_stay_as_they_were(kind):
     network = NextStateConfig(epochs=10, hidden_units=(32,), learning_rate=1e-2, adam_beta1=0.9)
-    config = ReasoningConfig(
-        world=kind, models=ModelPairConfig(next_state=network), trees=TreesConfig(first_decisions=50, resolution=0.25)
+    config = PlanningConfig(
+        world_model=kind,
+        networks=ModelPairConfig(next_state=network),
+        trees=TreesConfig(first_decisions=50, resolution=0.25),
     )
-    reasoner = Reasoner(config, 2, 2, seed=0)
-    reasoner.learn(walk(400))
+    planning = PlanningModule(config, 2, 2, seed=0)
+    planning.learn(walk(400))
     run = walk(300)
-    before = foretell(reasoner.world, run)
-    next_states, rewards, matrices = examine(reasoner, run)
-    np.testing.assert_array_equal(foretell(reasoner.world, run)[0], before[0])
-    further = {"folds", "scratch-128", "folds-128"} if kind == "models" else set()
+    before = predict_run(planning.world_model, run)
+    next_states, rewards, matrices = examine(planning, run)
+    np.testing.assert_array_equal(predict_run(planning.world_model, run)[0], before[0])
+    further = {"folds", "scratch-128", "folds-128"} if kind == "networks" else set()
     assert set(next_states) == {"trained", "updated", "scratch"} | further
     assert min(next_states.values()) > 80
     assert set(rewards) == {"trained", "updated", "scratch"} | (further & {"folds"})

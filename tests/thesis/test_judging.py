@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from semrl.core.errors import UsageError
-from semrl.perception.config import make_embedder
 from semrl.perception.embedding import FractionalEmbedding, SlotsEmbedding, build_scene_graph
-from semrl.perception.pipeline import Pipeline
+from semrl.perception.perception import Perception
 from semrl.training import preset
 from semrl_thesis.comparison import CANDIDATES, MEASURED, candidate_config
 from semrl_thesis.comparison import EXPERIMENT as COMPARISON
 from semrl_thesis.drift import EXPERIMENT as DRIFT
 from semrl_thesis.drift import METHODS, cosines_to, turned_back
 from semrl_thesis.judging import call_judge
+from semrl_thesis.perception import make_embedder
 from semrl_thesis.watching import COORDINATES, Watched, watch
 
 
@@ -63,9 +63,9 @@ def test_the_ball_is_visible_where_an_object_is_found_at_its_place():
 
 
 def test_pong_is_watched_and_no_other_game():
-    config = preset("semrl", "semantic")
+    config = preset("semrl", "semantic", {"env": "BreakoutNoFrameskip-v4"})
     with pytest.raises(UsageError, match="Pong"):
-        watch(Pipeline(config.pipeline, "grey", "breakout"), config, 1, 0)
+        watch(Perception(config.perception), config, 1, 0)
 
 
 def test_turning_back_undoes_a_rotation():
@@ -83,13 +83,13 @@ def test_scenes_without_objects_do_not_count_as_drift():
 
 
 @pytest.mark.parametrize("settings", [*CANDIDATES.values()], ids=[*CANDIDATES])
-def test_candidates_are_settings_of_the_pipeline(settings):
-    assert candidate_config({}, settings).pipeline.embedding == settings["embedding"]
+def test_candidates_are_settings_of_perception(settings):
+    assert candidate_config({}, settings).perception.embedder == settings["embedder"]
 
 
 def test_every_number_is_announced():
     announced = {number.id for number in COMPARISON.numbers}
     assert {f"comparison/{name}/{what}" for name in CANDIDATES for what in MEASURED} < announced
     assert {f"drift/{name}/cosine" for name in METHODS} < {number.id for number in DRIFT.numbers}
-    assert all(make_embedder(candidate_config({}, {"embedding": "online", "online": m.online}).pipeline)
+    assert all(make_embedder(candidate_config({}, {"embedder": "online", "online": m.online}))
                for m in METHODS.values())  # fmt: skip

@@ -68,8 +68,8 @@ def test_a_run_is_done_when_its_trials_were_held(tmp_path):
 def test_other_settings_are_another_run(tmp_path):
     enter(tmp_path, SCORE, EPISODES)
     ledger = read_ledger([tmp_path])
-    assert ledger.score(replace(SPEC, overrides={"agent": {"batch_size": 33}})) is None
-    same = {"threads": 2, "evaluation": {"episodes": 3}, "agent": {"batch_size": 32}}  # the last is the default
+    assert ledger.score(replace(SPEC, overrides={"dqn": {"batch_size": 33}})) is None
+    same = {"threads": 2, "evaluation": {"episodes": 3}, "dqn": {"batch_size": 32}}  # the last is the default
     assert ledger.score(replace(SPEC, overrides=same)) == SCORE
 
 

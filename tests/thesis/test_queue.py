@@ -8,9 +8,8 @@ import pytest
 
 from semrl.core.errors import SemrlError, UsageError
 from semrl.core.files import locked
-from semrl.perception.config import MODELS
 from semrl.training import RunFolder, train
-from semrl.training.config import merge
+from semrl.training.config import MODELS, merge
 from semrl_thesis.ledger import read_ledger
 from semrl_thesis.queue import Queue
 from semrl_thesis.scores import SWEEPS, TABLE

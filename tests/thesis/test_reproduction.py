@@ -84,7 +84,7 @@ def test_everything_is_measured_and_told(out):
     assert [n for n in numbers if f"Fig. {n}:" not in page] == []
 
 
-def test_what_lies_in_the_repository_needs_no_runs(out, tmp_path, monkeypatch, call):
+def test_what_comes_with_the_package_needs_no_runs(out, tmp_path, monkeypatch, call):
     """Ledger and results count as done, and what was not asked for is on the page all the same."""
 
     def unless_kept(experiment, lab):

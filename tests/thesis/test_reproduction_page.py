@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from semrl.core.errors import UsageError
-from semrl.report import panels
 from semrl_thesis.figures import Bars, Curve, Curves, Figure, Layers, Matrix, Network, Picture, Pictures, Scatter
+from semrl_thesis.report import panels
 from semrl_thesis.report.reproduction import write_reproduction
 from semrl_thesis.results import Row, Section
 

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from semrl.core import Observation
-from semrl.perception.detection.grey import to_grey
+from semrl.perception.detection import OtsuDetector
 from semrl.training import preset
 from semrl_thesis import speed
-from semrl_thesis.peers import ThesisStack
 from semrl_thesis.perception import by_frame
 from semrl_thesis.timing import ELEVATION, EMULATOR, STACK, Stage, medians
 
@@ -73,20 +72,20 @@ def test_stages_take_turns():
 
 def test_dots_are_objects():
     frame = speed.dotted_frame(50, np.random.default_rng(0))
-    pipeline = speed.Pipeline(speed.by_frame("semrl").pipeline, "embedding")
-    for _ in range(pipeline.config.detection.threshold_frames):
-        pipeline.detector.partial_fit(to_grey(frame))
-    assert len(pipeline.detector.detect(to_grey(frame))) == 50
+    detector = OtsuDetector()
+    for _ in range(detector.frames_needed):
+        detector.partial_fit(frame)
+    assert len(detector.detect(frame)) == 50
 
 
 @pytest.mark.skipif(find_spec("gensim") is None, reason="its extra is not installed")
 def test_the_thesis_finds_the_objects_that_we_find(small):
-    pipeline, play = speed.learn_to_see(0)
+    encoder, play = speed.learn_to_see(0)
     frames = [next(play).frame for _ in range(12)]
-    stack = ThesisStack(frames, pipeline.detector.threshold_, pipeline.detector.crop_size_px)
+    stack, episode = speed.make_stack(frames, encoder), encoder.begin()
     for frame in frames:
-        ours = pipeline.detector.detect(to_grey(frame))
+        ours = encoder.perception.detector.detect(frame)
         crops, centres_px = stack.detect(frame)
         np.testing.assert_array_equal(crops, ours.features)
         np.testing.assert_array_equal(centres_px, ours.centres_px)
-        assert stack.elevate(frame).shape == pipeline.encode(Observation(frame=frame)).shape
+        assert stack.elevate(frame).shape == episode.encode(Observation(frame=frame)).vector.shape

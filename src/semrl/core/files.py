@@ -1,7 +1,6 @@
 """Writing files so that a power cut, a full disk or a kill never leaves half of one."""
 
 import contextlib
-import fcntl
 import os
 import zipfile
 from collections.abc import Callable, Iterator
@@ -9,6 +8,7 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
+from filelock import FileLock, Timeout
 from numpy.typing import NDArray
 
 from semrl.core.arrays import Arrays
@@ -85,12 +85,21 @@ def locked(path: Path, busy: str) -> Iterator[None]:
         With the message `busy`, when another process has the lock; or when nothing may be written there.
     """
     require_writable(path)
-    with path.open("w") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise UsageError(busy) from None
+    lock = FileLock(path, timeout=0)
+    try:
+        lock.acquire()
+    except Timeout:
+        raise UsageError(busy) from None
+    try:
         yield
+    finally:
+        lock.release()
+
+
+def wait_until_unlocked(path: Path) -> None:
+    """Wait until no process has the lock of a file any more."""
+    with FileLock(path):
+        pass
 
 
 def write_text(path: Path, text: str) -> None:
@@ -141,7 +150,10 @@ def _read_array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
 
 def _sync_folder(folder: Path) -> None:
     """Make a rename last: on POSIX the folder has to be synced too."""
-    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+    except PermissionError:
+        return  # Windows opens no folders, and needs no such thing
     try:
         os.fsync(descriptor)
     finally:

@@ -28,8 +28,8 @@ class ReproduceArguments:
     games, the same on Breakout, Freeway and Boxing.
 
     Results, runs and one page, report.html, go into a folder. What is there already is not done again, so that it can
-    be stopped at any moment: the same command goes on. At full scale what lies in docs/results of a checkout counts as
-    well, unless it is to be measured --afresh.
+    be stopped at any moment: the same command goes on. At full scale the results that come with this package count
+    as well, unless they are to be measured --afresh.
 
     Example:  semrl reproduce clusters retrieval
     """
@@ -47,7 +47,7 @@ class ReproduceArguments:
     only: tuple[str, ...] = ()
     """Train only runs that match one of these patterns, such as 'semrl-ram*' for PRESET-MODEL-SEED."""
     afresh: bool = False
-    """Measure and train what docs/results holds as well."""
+    """Measure and train again what this package comes with results of."""
     json: bool = False
     """Print one JSON object as the only line of standard output."""
 

@@ -35,10 +35,15 @@ class Encoder(Persistent, Protocol):
     reasons about the facts of its states.
     """
 
-    rom: str | None
-    """Name of the Atari game that it looks at; None for other worlds."""
-    perception: Perception | None
-    """The boxes that it looks through; None where it looks at frames or RAM as they are."""
+    @property
+    def rom(self) -> str | None:
+        """Name of the Atari game that it looks at; None for other worlds."""
+        ...
+
+    @property
+    def perception(self) -> Perception | None:
+        """The boxes that it looks through; None where it looks at frames or RAM as they are."""
+        ...
 
     @property
     def space(self) -> StateSpace:
