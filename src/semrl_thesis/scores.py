@@ -46,7 +46,7 @@ SWEEPS: dict[Scale, Sweep] = {
         models=tuple(TABLE),
         overrides={
             "perception": {"doc2vec": {"documents": 1000}},
-            "dqn": {"initial_buffer": 500, "exploration_decisions": 434},
+            "dqn": {"initial_buffer": 500, "exploration_decisions": 2_000},
             "planning": {"networks": {"next_state": {"epochs": 5}}},
             "evaluation": {"max_noops": 0},
         },

@@ -20,7 +20,7 @@ from semrl.perception.pretraining.stability import StabilityConfig
 from semrl.training.trainer import Trainer
 
 QUICK = DQNConfig(
-    exploration_decisions=543,
+    exploration_decisions=2_500,
     learning_rate=1e-3,
     adam_beta1=0.9,
     batch_size=64,

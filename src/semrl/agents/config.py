@@ -89,8 +89,8 @@ class DQNConfig:
 
 
 _COUNTS = (
-    "exploration_decisions", "heads", "head_decisions", "batch_size", "initial_buffer", "decisions_per_update", "n_steps",
-    "target_updates",
+    "exploration_decisions", "heads", "head_decisions", "batch_size", "initial_buffer", "decisions_per_update",
+    "n_steps", "target_updates",
 )  # fmt: skip
 _SHARES = (
     "exploration_min", "exploration_max", "final_exploration", "voting", "final_learning_rate", "discount",
