@@ -13,7 +13,7 @@ from semrl import SemanticVectorObservation, make_env, preset, train
 def main(run: Path = Path("runs/eyes"), /, env: str = "PongNoFrameskip-v4", decisions: int = 2_000) -> None:
     """Learn on what the perception of a run sees; where there is none a small one is trained first."""
     if not run.exists():
-        train(run, preset("semrl", "objects", {"env": env, "decisions": 2_000, "stability": {"decisions": 500}}))
+        train(run, preset("semrl", "objects", {"env": env, "decisions": 600, "stability": {"decisions": 500}}))
     envs = SemanticVectorObservation(gym.vector.SyncVectorEnv([lambda: make_env(env)] * 4), encoder=run)
     torch.manual_seed(0)
     size, n_actions = envs.single_observation_space.shape[0], envs.single_action_space.n

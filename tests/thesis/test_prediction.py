@@ -6,7 +6,7 @@ import pytest
 from semrl.core import Scenarios, Trajectory
 from semrl.planning.module import PlanningConfig, PlanningModule
 from semrl.world_model import ModelPair, ModelPairConfig, NextStateConfig, TreesConfig
-from semrl_thesis.foresight import confusion, examine, predict_run, r2, shares
+from semrl_thesis.prediction import confusion, examine, predict_run, r2, shares
 
 RNG = np.random.default_rng(0)
 

@@ -19,7 +19,7 @@ from semrl.training.config import MODELS
 from semrl.world_model import EpisodeRecord
 from semrl_thesis.base import Experiment, Lab
 from semrl_thesis.figures import Figure, Matrix, Network, Panel
-from semrl_thesis.foresight import SIGNS, examine
+from semrl_thesis.prediction import SIGNS, examine
 from semrl_thesis.results import Number, Result, digest, joined, read_result, write_result
 from semrl_thesis.scores import SWEEPS
 from semrl_thesis.sweep import RunSpec
