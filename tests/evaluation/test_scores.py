@@ -1,5 +1,6 @@
 import dataclasses
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from semrl.envs import Game, make_env
 from semrl.evaluation import evaluate, load_encoder, load_player
 from semrl.evaluation.scores import EVALUATION_SEED
 from semrl.training import RunFolder, train
+from semrl.training.config import write_toml
 from semrl.training.session import build_trainer
 
 
@@ -91,6 +93,15 @@ def test_a_player_loads_what_play_needs_and_no_more(semantic_run, tracked_run, t
         assert not any("replay" in name or "experience" in name or "optimiser" in name for name in loaded.arrays)
         assert not len(player.agent.replay) and player.agent.replay.capacity == player.config.dqn.n_steps + 1
         assert player.decisions == int(whole.arrays["decisions"]) and not player.perceiving
+
+
+def test_what_was_trained_on_a_device_plays_where_there_is_none(semantic_run, tmp_path):
+    run = shutil.copytree(semantic_run, tmp_path / "run")
+    expected = evaluate(run, episodes=2).returns
+    config = RunFolder.open(run).config()
+    missing = "mps" if torch.cuda.is_available() else "cuda"
+    (run / "config.toml").write_text(write_toml(dataclasses.replace(config, device=missing)))
+    assert evaluate(run, episodes=2).returns == expected
 
 
 def test_exploring_play_is_another_play(semantic_run, monkeypatch):

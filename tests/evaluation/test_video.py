@@ -67,6 +67,16 @@ def test_a_film_reads_back_with_its_frames(tmp_path, player):
     assert [path.name for path in tmp_path.iterdir()] == ["film.mp4"]
 
 
+def test_an_animated_picture_has_every_few_frames_at_half_the_size(tmp_path, player):
+    with filming.recorder(tmp_path, tmp_path / "film.gif") as on_step:
+        for i in range(13):
+            on_step(0, step(i))
+    frames = iio.imread(tmp_path / "film.gif", plugin="pillow")
+    every = filming.VIDEO_RATE // filming.GIF_RATE
+    assert every > 1 and frames.shape == (-(-13 // every), (504 + 32) // 2, (504 + 24 + 420) // 2, 3)
+    assert [path.name for path in tmp_path.iterdir()] == ["film.gif"]
+
+
 def test_films_end_after_a_minute(tmp_path, player, monkeypatch):
     monkeypatch.setattr(filming, "MAX_VIDEO_FRAMES", 5)
     with filming.recorder(tmp_path, tmp_path / "film.mp4") as on_step:
@@ -95,7 +105,7 @@ def test_an_interrupted_film_leaves_the_old_one(tmp_path, player, error, frames)
     assert video.read_bytes() == b"old"
 
 
-@pytest.mark.parametrize("name", ["film.gif", "film", "nowhere/film.mp4", "folder.mp4"])
+@pytest.mark.parametrize("name", ["film.avi", "film", "nowhere/film.mp4", "folder.mp4"])
 def test_places_that_cannot_be_written_are_told_first(tmp_path, name, monkeypatch):
     monkeypatch.setattr(filming, "load_player", None)
     (tmp_path / "folder.mp4").mkdir()

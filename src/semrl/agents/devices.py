@@ -9,6 +9,11 @@ from semrl.core.errors import UsageError
 Device = Literal["auto", "cpu", "cuda", "mps"]
 
 
+def is_there(name: Device) -> bool:
+    """Tell whether this machine has the device of a name."""
+    return name == "auto" or _there()[name]
+
+
 def pick_device(name: Device) -> torch.device:
     """Return the device of a name; ``"auto"`` takes a GPU where there is one.
 
@@ -17,7 +22,7 @@ def pick_device(name: Device) -> torch.device:
     UsageError
         When this machine has no such device.
     """
-    there = {"cpu": True, "cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available()}
+    there = _there()
     if name == "auto":
         return torch.device(next(kind for kind in ("cuda", "mps", "cpu") if there[kind]))
     if not there.get(name):
@@ -25,3 +30,7 @@ def pick_device(name: Device) -> torch.device:
             f"device '{name}' is not there; this machine has {', '.join(k for k, v in there.items() if v)}"
         )
     return torch.device(name)
+
+
+def _there() -> dict[str, bool]:
+    return {"cpu": True, "cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available()}

@@ -8,6 +8,7 @@ from typing import Any, Literal, Self
 import numpy as np
 
 from semrl.agents import Agent
+from semrl.agents.devices import is_there
 from semrl.core.errors import SemrlError, UsageError
 from semrl.envs import Game, make_env, played_actions
 from semrl.perception.encoders import Encoder
@@ -126,7 +127,9 @@ def load_player(run: str | Path, at: int | None = None, *, memory: bool = False)
     checkpoint = folder.load(at, play_only=True, memory=memory)
     if checkpoint is None:
         raise UsageError(f"{run} has no checkpoint yet; go on with: semrl train --run {run} --resume")
-    trainer = build_trainer(replace(config, dqn=replace(config.dqn, replay_capacity=config.dqn.n_steps + 1)))
+    device = config.device if is_there(config.device) else "auto"  # what a GPU has learned plays without one as well
+    dqn = replace(config.dqn, replay_capacity=config.dqn.n_steps + 1)
+    trainer = build_trainer(replace(config, device=device, dqn=dqn))
     try:
         trainer.load_inference(checkpoint.arrays)
     except (KeyError, ValueError, TypeError, RuntimeError) as error:
