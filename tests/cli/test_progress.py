@@ -116,6 +116,12 @@ def test_quick_commands_do_not_import_what_is_slow(map_run, argv, heavy):
     assert done.returncode == 0 and done.stderr == b"[]\n"
 
 
+@pytest.mark.parametrize("settings", ["training.config", "agents", "agents.config", "world_model", "planning.module"])
+def test_settings_are_read_without_torch(settings):
+    done = semrl("--version", before=f"import semrl.{settings}; assert 'torch' not in sys.modules")
+    assert done.returncode == 0 and done.stderr == b""
+
+
 def test_the_map_alone_is_the_map_of_the_whole_run(call, map_run, ram_map_run, tracked_run):
     from semrl.evaluation import load_map
     from semrl.knowledge.description import describe

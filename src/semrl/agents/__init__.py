@@ -6,9 +6,8 @@ from semrl.core.lazy import lazily
 from semrl.core.registry import Registry
 
 if TYPE_CHECKING:
-    from semrl.agents.config import DQNConfig
+    from semrl.agents.config import DQNConfig, NetworkConfig
     from semrl.agents.dqn import DQN
-    from semrl.agents.networks import NetworkConfig
     from semrl.agents.protocol import Agent
     from semrl.agents.tabular import QLearning, QLearningConfig
 
@@ -18,7 +17,7 @@ _HOME = {
     "DQN": "semrl.agents.dqn",
     "Agent": "semrl.agents.protocol",
     "DQNConfig": "semrl.agents.config",
-    "NetworkConfig": "semrl.agents.networks",
+    "NetworkConfig": "semrl.agents.config",
     "QLearning": "semrl.agents.tabular",
     "QLearningConfig": "semrl.agents.tabular",
 }

@@ -1,15 +1,16 @@
 """Where networks compute."""
 
-from typing import Literal
-
-import torch
+from typing import TYPE_CHECKING, Literal
 
 from semrl.core.errors import UsageError
+
+if TYPE_CHECKING:
+    import torch
 
 Device = Literal["auto", "cpu", "cuda", "mps"]
 
 
-def pick_device(name: Device) -> torch.device:
+def pick_device(name: Device) -> "torch.device":
     """Return the device of a name; ``"auto"`` takes a GPU where there is one.
 
     Raises
@@ -17,6 +18,8 @@ def pick_device(name: Device) -> torch.device:
     UsageError
         When this machine has no such device.
     """
+    import torch  # late: the names of devices are settings, and settings are read without torch
+
     there = {"cpu": True, "cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available()}
     if name == "auto":
         return torch.device(next(kind for kind in ("cuda", "mps", "cpu") if there[kind]))

@@ -6,11 +6,12 @@ from semrl.core.lazy import lazily
 from semrl.core.registry import Registry
 
 if TYPE_CHECKING:
+    from semrl.world_model.config import ModelPairConfig, NextStateConfig, RewardConfig
     from semrl.world_model.experience import EpisodeRecord, Experience
-    from semrl.world_model.model_pair import ModelPair, ModelPairConfig, roll_forward
-    from semrl.world_model.next_state import NextStateConfig, NextStateNetwork
+    from semrl.world_model.model_pair import ModelPair, roll_forward
+    from semrl.world_model.next_state import NextStateNetwork
     from semrl.world_model.protocol import WorldModel
-    from semrl.world_model.reward import RewardConfig, RewardNetwork, RewardSVM, make_reward_model
+    from semrl.world_model.reward import RewardNetwork, RewardSVM, make_reward_model
     from semrl.world_model.tree_world import TreesConfig, TreeWorld
 
 WORLD_MODELS: "Registry[WorldModel]" = Registry(
@@ -21,10 +22,10 @@ _HOME = {
     "EpisodeRecord": "semrl.world_model.experience",
     "Experience": "semrl.world_model.experience",
     "ModelPair": "semrl.world_model.model_pair",
-    "ModelPairConfig": "semrl.world_model.model_pair",
-    "NextStateConfig": "semrl.world_model.next_state",
+    "ModelPairConfig": "semrl.world_model.config",
+    "NextStateConfig": "semrl.world_model.config",
     "NextStateNetwork": "semrl.world_model.next_state",
-    "RewardConfig": "semrl.world_model.reward",
+    "RewardConfig": "semrl.world_model.config",
     "RewardNetwork": "semrl.world_model.reward",
     "RewardSVM": "semrl.world_model.reward",
     "TreeWorld": "semrl.world_model.tree_world",
