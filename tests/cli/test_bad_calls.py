@@ -232,7 +232,7 @@ def test_a_loss_that_is_no_number_is_one_line(call, tmp_path, tiny_toml):
     settings = tiny_toml("baseline", dqn__learning_rate=1e30)
     result = call("train", "--config", settings, "--run", run, "--json")
     assert result.status == 1 and result.out == ""
-    assert "try a smaller --agent.learning-rate" in result.message
+    assert "try a smaller --dqn.learning-rate" in result.message
     assert RunFolder.open(run).manifest()["status"] == "failed"
 
 

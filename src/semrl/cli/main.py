@@ -71,7 +71,7 @@ def _call(command: str, argv: Sequence[str]) -> int:
             raise
         return complain(_lacking(error), 1)
     except MemoryError as error:
-        return complain(f"not enough memory: {error or 'try a smaller --agent.replay-capacity'}", 1)
+        return complain(f"not enough memory: {error or 'try a smaller --dqn.replay-capacity'}", 1)
     except (KeyboardInterrupt, SystemError) as error:  # compiled code that is interrupted says so in its own way
         if isinstance(error, SystemError) and not isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):
             raise
