@@ -1,7 +1,8 @@
 """semrl: neuro-symbolic reinforcement learning, from raw frames to an agent that can explain itself."""
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from semrl.core.lazy import lazily
 
 if TYPE_CHECKING:
     from semrl.envs import make_env
@@ -34,13 +35,4 @@ __all__ = [
     "train",
 ]
 
-
-def __dir__() -> list[str]:
-    return __all__
-
-
-def __getattr__(name: str) -> Any:
-    """Import a public name when it is first used: ``semrl --help`` should not wait for torch."""
-    if name not in _HOME:
-        raise AttributeError(f"module 'semrl' has no attribute '{name}'")
-    return getattr(importlib.import_module(_HOME[name]), name)
+__getattr__, __dir__ = lazily(__name__, _HOME)

@@ -6,7 +6,6 @@ What stands here is done, even when the folder of the run is gone.
 
 import csv
 import io
-import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from semrl.core.errors import SemrlError
 from semrl.core.files import make_folder, write_text
+from semrl.core.strict_json import dumps
 from semrl.training import RunConfig, RunFolder
 from semrl.training.config import to_dict
 from semrl.training.metrics import RUNNING_MEAN_EPISODES, read_metrics
@@ -120,7 +120,7 @@ def settings_of(config: RunConfig) -> str:
     """
     ours, default = to_dict(config), to_dict(RunConfig())
     what = {name: value for name, value in _changes(ours, default).items() if name not in _CHANGE_NOTHING}
-    return digest(json.dumps(what, sort_keys=True))
+    return digest(dumps(what, sort_keys=True))
 
 
 _CHANGE_NOTHING = ("threads", "checkpoint_seconds", "milestones", "evaluation")
@@ -173,7 +173,7 @@ def read_table(path: Path, kind: type[Row]) -> list[Row]:
         return []
     columns = tuple(field.name for field in fields(kind))
     try:
-        text = path.read_text()
+        text = path.read_text(encoding="utf-8")
         table = csv.DictReader(text.splitlines())
         if tuple(table.fieldnames or ()) != columns:
             raise ValueError(f"it does not have the columns {', '.join(columns)}")
@@ -259,7 +259,7 @@ def _read_returns(path: Path) -> NDArray[np.float64]:
     if not path.exists():
         return np.zeros((0, 2))
     try:
-        return np.array([[float(cell) for cell in line.split(",")] for line in path.read_text().splitlines()[1:]]
-                        ).reshape(-1, 2)  # fmt: skip
+        lines = path.read_text(encoding="utf-8").splitlines()[1:]
+        return np.array([[float(cell) for cell in line.split(",")] for line in lines]).reshape(-1, 2)
     except (OSError, ValueError) as error:
         raise SemrlError(f"{path} is damaged: {error}") from None

@@ -1,7 +1,6 @@
 """Training runs, side by side in processes of their own; stopped at any moment, it goes on where it was."""
 
 import contextlib
-import json
 import signal
 import subprocess
 import sys
@@ -15,8 +14,10 @@ from typing import IO
 from semrl.core.errors import SemrlError, UsageError
 from semrl.core.files import locked, make_folder, write_text
 from semrl.core.signals import handling
+from semrl.core.strict_json import dumps
 from semrl.training import RunFolder
 from semrl.training.config import to_dict, write_toml
+from semrl.training.progress_lines import EVERY_SECONDS
 from semrl_thesis.ledger import Ledger, enter, score_of
 from semrl_thesis.sweep import RunSpec
 
@@ -30,6 +31,15 @@ class _Job:
     spec: RunSpec
     process: subprocess.Popen[bytes]
     said: IO[bytes]
+    run: Path
+
+    def last_line(self) -> str:
+        """Return how far it is, as it says itself."""
+        try:
+            lines = RunFolder(self.run).log_path.read_text(encoding="utf-8", errors="replace").splitlines()
+        except OSError:
+            lines = []
+        return lines[-1] if lines else "has not told yet how far it is"
 
 
 class Queue:
@@ -57,6 +67,7 @@ class Queue:
         self._jobs: list[_Job] = []
         self.failed: dict[str, str] = {}
         self._stops = 0
+        self._told = time.monotonic()
 
     def work_off(self, specs: Sequence[RunSpec], ledger: Ledger) -> None:
         """Train what the ledger does not know yet, in this order.
@@ -92,11 +103,19 @@ class Queue:
                 self.say(f"run {total - len(waiting)} of {total}: {spec.id}, {spec.decisions:,} decisions")
                 self._jobs.append(self._start(spec))
             time.sleep(POLL_SECONDS)
+            self._tell_how_far()
             for job in [job for job in self._jobs if job.process.poll() is not None]:
                 self._jobs.remove(job)
                 self._close(job)
         if self._stops:
             raise SemrlError("stopped; the same command goes on where it was")
+
+    def _tell_how_far(self) -> None:
+        """Say every half minute how far the runs are."""
+        if time.monotonic() - self._told >= EVERY_SECONDS:
+            self._told = time.monotonic()
+            for job in self._jobs:
+                self.say(f"{job.spec.id}: {job.last_line()}")
 
     def _run(self, spec: RunSpec) -> Path:
         return self.folder / "runs" / spec.id
@@ -106,11 +125,11 @@ class Queue:
         config = run.with_name(f"{spec.id}.toml")
         write_text(config, write_toml(spec.config()))
         said = run.with_name(f"{spec.id}.log").open("wb")
-        trials = json.dumps([asdict(trial) for trial in spec.trials])
+        trials = dumps([asdict(trial) for trial in spec.trials])
         words = [sys.executable, "-m", "semrl_thesis.worker", str(run), str(config), trials]
         # A session of its own: Ctrl-C reaches us alone, and we ask the workers to save and stop.
         process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=said, stderr=said, start_new_session=True)
-        return _Job(spec=spec, process=process, said=said)
+        return _Job(spec=spec, process=process, said=said, run=run)
 
     def _close(self, job: _Job) -> None:
         """Enter a run that is over, or note why it failed."""
@@ -120,7 +139,7 @@ class Queue:
         if job.process.returncode == 0:
             self._enter(job.spec)
             return
-        lines = Path(job.said.name).read_text(errors="replace").strip().splitlines()
+        lines = Path(job.said.name).read_text(encoding="utf-8", errors="replace").strip().splitlines()
         self.failed[job.spec.id] = lines[-1] if lines else f"exit status {job.process.returncode}"
         self.say(f"{job.spec.id} failed: {self.failed[job.spec.id]}")
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from semrl.core import IMAGE_SIZE_PX
 from semrl.core.errors import MissingExtraError, SemrlError
 from semrl.core.files import write_text
+from semrl.core.strict_json import dumps
 from semrl.envs import EnvironmentConfig, make_env, ram_features, rom_name
 from semrl.envs.environment import Env
 from semrl.evaluation.scores import EVALUATION_SEED
@@ -127,7 +128,7 @@ def compete(view: View, match: Match, kept: Path) -> dict[str, float]:
 
     plain, sticky = test(0.0), test(match.sticky_actions)
     told = {"mean": float(plain.mean()), "std": deviation(plain), "sticky": float(sticky.mean()), "minutes": minutes}
-    write_text(kept, json.dumps(told, indent=2) + "\n")
+    write_text(kept, dumps(told, indent=2) + "\n")
     return told
 
 
@@ -138,7 +139,7 @@ def result_name(view: View, match: Match) -> str:
 
 def _read(path: Path) -> dict[str, float]:
     try:
-        told = json.loads(path.read_text())
+        told = json.loads(path.read_text(encoding="utf-8"))
         return {name: float(told[name]) for name in NUMBERS}
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise SemrlError(f"{path} is damaged: {error!r}; delete it to play again") from None

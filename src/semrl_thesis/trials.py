@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,8 @@ from semrl.core.errors import SemrlError
 from semrl.evaluation.player import Policy
 from semrl.evaluation.scores import EVALUATION_SEED, evaluate, result_path
 from semrl.training import RunFolder
+from semrl.training.loop import Step
+from semrl.training.progress_lines import ProgressLines, append_line, last_returns
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +40,7 @@ class Trial:
         decisions = config.decisions if self.at is None else self.at
         wanted = {"decisions": decisions, "seed": config.seed + EVALUATION_SEED, "episodes": self.episodes}
         try:
-            told = json.loads(self.path(run).read_text())["conditions"]
+            told = json.loads(self.path(run).read_text(encoding="utf-8"))["conditions"]
             return bool(wanted.items() <= told.items())
         except FileNotFoundError:
             return False
@@ -45,8 +48,19 @@ class Trial:
             raise _damaged(self.path(run), error) from None
 
     def hold(self, run: Path) -> None:
-        """Play."""
-        evaluate(run, **asdict(self))
+        """Play; a line every half minute goes into the log of the run."""
+        returns: list[float] = []
+        decisions = 0
+        lines = ProgressLines(partial(append_line, RunFolder(run).log_path))
+
+        def on_step(_episode: int, step: Step) -> None:
+            nonlocal decisions
+            decisions += step.action is not None
+            note = partial(last_returns, returns)
+            lines.update(self.name, len(returns), self.episodes, unit="episodes", decisions=decisions, note=note)
+
+        evaluate(run, **asdict(self), on_episode=returns.append, on_step=on_step)
+        lines.close()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +100,7 @@ def outcome_of(trial: Trial, run: Path, *, id_: str, decisions: int) -> Outcome:
     """
     path = trial.path(run)
     try:
-        told: Mapping[str, Any] = json.loads(path.read_text())
+        told: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"))
         numbers = {name: told[name] for name in ("episodes", "mean", "max", "min", "std")}
         return Outcome(id=id_, decisions=decisions, trial=trial.name, different=len(set(told["lengths"])), **numbers)
     except (OSError, ValueError, KeyError, TypeError) as error:

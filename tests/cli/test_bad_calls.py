@@ -28,7 +28,7 @@ def new_run(tmp_path, tiny):
         ("trian", "unknown command 'trian'; did you mean 'train'?"),
         ("--run", "unknown command '--run'; there are train, eval"),
         ("train --decision 10", "--decision, 10; did you mean --decisions?; see semrl train --help"),
-        ("train --agent.batchsize 3", "Unrecognized options: --agent.batchsize, 3; did you mean --agent.batch-size?"),
+        ("train --dqn.batchsize 3", "Unrecognized options: --dqn.batchsize, 3; did you mean --dqn.batch-size?"),
         ("train --flag", "Unrecognized options: --flag; see semrl train --help"),
         ("train surplus", "surplus"),
         ("train --decisions", "Missing value for argument '--decisions'"),
@@ -37,7 +37,7 @@ def new_run(tmp_path, tiny):
         ("train --model", "--model"),
         ("train --model sematic", "unknown model 'sematic'; there are baseline, otsu"),
         ("train --preset best", "unknown preset 'best'; there are semrl, thesis"),
-        ("train --pipeline.embedding bert", "invalid choice 'bert'"),
+        ("train --perception.embedder bert", "there is no 'bert' among the embedders; there are doc2vec"),
         ("train --decisions 0", "decisions must be 1 or more"),
         ("train --decisions -400", "decisions must be 1 or more"),
         ("train --seed -1", "seed must lie between"),
@@ -48,7 +48,7 @@ def new_run(tmp_path, tiny):
         ("train --checkpoint-seconds nan", "checkpoint_seconds must be 0 or more"),
         ("train --evaluation.episodes 0", "evaluation.episodes must be 1 or more"),
         ("train --environment.frame-skip 0", "frame_skip must be 1 or more"),
-        ("train --pipeline.hashed.dimension 0", "dimension must be 1 or more"),
+        ("train --perception.hashed.dimension 0", "dimension must be 1 or more"),
         ("train --env NoSuchGame-v0 --run RUN", "unknown environment 'NoSuchGame-v0'"),
         ("train --env PongNoFrameskip-v5 --run RUN", "did you mean PongNoFrameskip-v4?"),
         ("train --env os:Evil-v0 --run RUN", "unknown environment"),
@@ -101,10 +101,10 @@ def test_a_run_that_exists_is_not_overwritten(call, semantic_run):
         ("manifest.json", None, "only half of one"),
         ("config.toml", None, "only half of one"),
         ("manifest.json", '{"format": 1', "is damaged"),
-        ("manifest.json", '{"format": 99, "status": "new"}', "has format 99; this semrl reads format 1"),
-        ("config.toml", "frames = ", "is not valid TOML"),
-        ("config.toml", "framse = 3", "unknown setting 'framse'"),
-        ("config.toml", 'frames = "3"', "frames"),
+        ("manifest.json", '{"format": 99, "status": "new"}', "has format 99; this semrl reads format 2"),
+        ("config.toml", "decisions = ", "is not valid TOML"),
+        ("config.toml", "decisoins = 3", "unknown setting 'decisoins'"),
+        ("config.toml", 'decisions = "3"', "decisions"),
         ("config.toml", "decisions = -3", "decisions must be 1 or more"),
     ],
 )
@@ -120,9 +120,9 @@ def test_damaged_runs_are_refused(call, new_run, command, name, content, said): 
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ("[agent", "is not valid TOML"),
+        ("[dqn", "is not valid TOML"),
         ("decision = 3", "unknown setting 'decision'; did you mean 'decisions'?"),
-        ("[agent]\ndouble = 3", "double"),
+        ("[dqn]\ndouble = 3", "double"),
         ('model = "ramm"', "unknown model 'ramm'"),
         ("decisions = 0", "decisions must be 1 or more"),
     ],
@@ -158,7 +158,7 @@ def spoil_objects(path):
     inside = io.BytesIO()
     np.lib.format.write_array(inside, objects, allow_pickle=True)
     with zipfile.ZipFile(path, "a") as archive:
-        archive.writestr("pipeline/detector/more.npy", inside.getvalue())
+        archive.writestr("decisions/more.npy", inside.getvalue())
 
 
 class Mark:
@@ -229,10 +229,10 @@ def test_a_full_disk_is_one_line_and_keeps_the_checkpoint(call, tmp_path, tiny_t
 
 def test_a_loss_that_is_no_number_is_one_line(call, tmp_path, tiny_toml):
     run = tmp_path / "run"
-    settings = tiny_toml("baseline", agent__learning_rate=1e30)
+    settings = tiny_toml("baseline", dqn__learning_rate=1e30)
     result = call("train", "--config", settings, "--run", run, "--json")
     assert result.status == 1 and result.out == ""
-    assert "try a smaller --agent.learning-rate" in result.message
+    assert "try a smaller --dqn.learning-rate" in result.message
     assert RunFolder.open(run).manifest()["status"] == "failed"
 
 
@@ -262,7 +262,7 @@ def test_frames_that_are_no_images_are_one_line(call, tmp_path, tiny_toml, model
 
 def test_too_little_memory_is_one_line(call, tmp_path, tiny_toml):
     run = tmp_path / "run"
-    result = call("train", "--config", tiny_toml("baseline", agent__replay_capacity=1 << 45), "--run", run)
+    result = call("train", "--config", tiny_toml("baseline", dqn__replay_capacity=1 << 45), "--run", run)
     assert result.status == 1 and "not enough memory" in result.message and result.err.count("\n") == 1
     assert not run.exists()
 
@@ -270,7 +270,7 @@ def test_too_little_memory_is_one_line(call, tmp_path, tiny_toml):
 def test_a_planner_without_a_map_is_one_line(call, tmp_path, semantic_run, tiny):
     result = call("eval", semantic_run, "--policy", "planner", "--json")
     assert result.status == 2 and result.out == "" and result.err.count("\n") == 1
-    assert "has no map; train one with --model semantic-map or --model ram-map or" in result.message
+    assert "has no map; train one with --model semantic-map or --model objects-map or" in result.message
     empty = tmp_path / "empty"
     train(empty, tiny("semantic-map", decisions=60))
     result = call("eval", empty, "--policy", "planner")

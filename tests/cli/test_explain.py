@@ -13,7 +13,8 @@ from semrl.report import telling
 
 KEYS = {
     "run", "model", "env", "trained_decisions", "policy", "seed", "episode", "step", "exploration", "return_so_far",
-    "features", "place", "path", "cutoff", "scenarios", "n_scenarios", "n_imagined", "reason", "otherwise", "goal",
+    "features", "place", "path", "cutoff", "scenarios", "n_scenarios", "n_imagined", "reason", "otherwise",
+    "plan_features",
     "deed", "aftermath", "objects", "joined", "html",
 }  # fmt: skip
 
@@ -41,7 +42,7 @@ def test_decisions_under_other_conditions_are_those_of_such_an_evaluation(call, 
 def test_the_state_is_told_in_the_units_of_the_rules(tracked_run):
     features = explain(tracked_run, episode=0, step=3).features
     player = load_player(tracked_run)
-    assert unit_of(player) == 0.01 and features.keys() == set(player.pipeline.names)
+    assert unit_of(player) == 0.01 and features.keys() == set(player.encoder.space.names)
     assert max(features.values()) == 100
 
 

@@ -11,6 +11,7 @@ import semrl.cli.map as map_command
 import semrl.cli.query as query_command
 from semrl.core import MapGraph
 from semrl.core.errors import UsageError
+from semrl.evaluation import maps
 
 GRAPH = MapGraph(
     node_ids=np.arange(3),
@@ -27,8 +28,9 @@ STATES = "SELECT ?s ?n { ?s a semrl:State; semrl:count ?n } ORDER BY ?s"
 
 
 def loads(monkeypatch, load):
-    for command in (map_command, query_command):
-        monkeypatch.setattr(command, "load_map", load)
+    monkeypatch.setattr(query_command, "load_map", load)
+    monkeypatch.setattr(maps, "load_map", load)
+    monkeypatch.setattr(map_command, "load_graph", lambda run: load(run).graph)
 
 
 @pytest.fixture(autouse=True)
@@ -77,7 +79,7 @@ def test_a_file_that_cannot_be_written_is_told_before_anything_is_loaded(call, t
     (tmp_path / "locked").mkdir()
     (tmp_path / "file.txt").write_text("kept")
     monkeypatch.setattr(os, "access", lambda path, _mode: "locked" not in str(path))
-    monkeypatch.setattr(map_command, "load_map", lambda _run: pytest.fail("the run was loaded"))
+    monkeypatch.setattr(maps, "load_map", lambda _run: pytest.fail("the run was loaded"))
     before = sorted(tmp_path.rglob("*"))
     result = call("map", "somewhere", "--export", tmp_path / name)
     assert result.status == 2 and said in result.message and result.out == "" and result.err.count("\n") == 1

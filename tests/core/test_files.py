@@ -3,10 +3,12 @@ import io
 import multiprocessing
 import os
 import pickle
+import re
 import zipfile
 
 import numpy as np
 import pytest
+from sources import SOURCES
 
 from semrl.core.arrays import digest, json_to_array
 from semrl.core.errors import SemrlError
@@ -152,3 +154,15 @@ def test_a_disk_that_fills_in_the_middle_of_an_array(tmp_path):
 def test_places_that_cannot_be_written_are_named(tmp_path):
     with pytest.raises(SemrlError, match="cannot write"):
         write_text(tmp_path / "nowhere" / "x.txt", "new")
+
+
+@pytest.mark.parametrize("text", ["plain", "Ω → é", "a file named \udcff\udcfe"])
+def test_texts_are_utf_8_whatever_files_are_called(tmp_path, text):
+    write_text(tmp_path / "text", text)
+    assert (tmp_path / "text").read_bytes().decode("utf-8") == text.replace("\udcff\udcfe", "??")
+
+
+def test_no_text_is_read_in_the_encoding_of_the_locale():
+    for path in SOURCES:
+        text = path.read_text(encoding="utf-8")
+        assert not re.search(r"\.(read_text\(\)|open\(\"a\", newline=\"\"\))", text), path

@@ -19,18 +19,18 @@ def test_it_is_what_scikit_learn_says_of_the_same_play(map_run):
     told = foresight(map_run, decisions=60)
     player = load_player(map_run).under(exploration=PROBING)
     came, foreseen, rewards, guesses = [], [], [], []
-    for number in range(2):
-        steps = list(player.episode(number, player.config.seed + EVALUATION_SEED))
+    for number, length in enumerate((45, 15)):  # five balls of nine decisions, and what is left of 60
+        steps = list(player.episode(number, player.config.seed + EVALUATION_SEED))[: length + 1]
         for before, after in pairwise(steps):
             scenario = player.planning.world_model.imagine(before.record.history, np.array([[after.action]]))
             came.append(after.state.facts)
             foreseen.append(scenario.states[0, 0])
             rewards.append(int(np.sign(after.total - before.total)))
             guesses.append(int(scenario.rewards[0, 0]))
-    assert told.decisions == len(came) == 90
+    assert told.decisions == len(came) == 60
     assert told.explained[1] == pytest.approx(r2_score(came, foreseen, multioutput="variance_weighted"), abs=1e-6)
     assert told.balanced_accuracy == pytest.approx(balanced_accuracy_score(rewards, guesses))
-    assert np.sum(told.confusion) == 90 and np.sum(told.confusion, axis=1)[1] == rewards.count(0)
+    assert np.sum(told.confusion) == 60 and np.sum(told.confusion, axis=1)[1] == rewards.count(0)
     assert set(told.explained) <= {1, 2, 5, 10, 20} and told.explained[5] <= 1
     assert told.explained_vectors == {}  # they are what is foreseen
 
@@ -38,8 +38,8 @@ def test_it_is_what_scikit_learn_says_of_the_same_play(map_run):
 def test_where_objects_are_foreseen_so_are_the_vectors_of_their_scenes(tracked_run):
     told, player = foresight(tracked_run, decisions=60), load_player(tracked_run).under(exploration=PROBING)
     came, foreseen = [], []
-    for number in range(2):
-        steps = list(player.episode(number, player.config.seed + EVALUATION_SEED))
+    for number, length in enumerate((45, 15)):
+        steps = list(player.episode(number, player.config.seed + EVALUATION_SEED))[: length + 1]
         for before, after in pairwise(steps):
             scenario = player.planning.world_model.imagine(before.record.history, np.array([[after.action]]))
             came.append(after.state.vector[: player.encoder.perception.embedder.dimension])
@@ -60,6 +60,14 @@ def test_a_milestone_foresees_as_it_did_then(tmp_path, tracked_run):
     assert now != then
     with pytest.raises(UsageError, match="has no milestone of decision 100"):
         foresight(run, at=100)
+
+
+@pytest.mark.parametrize("decisions", [1, 7, 45, 46, 100])
+def test_what_was_asked_for_is_played(map_run, decisions):
+    steps = []
+    told = foresight(map_run, decisions=decisions, on_step=steps.append)
+    assert told.decisions == np.sum(told.confusion) == decisions
+    assert sum(step.action is not None for step in steps) == decisions
 
 
 def test_kinds_that_never_came_do_not_count():

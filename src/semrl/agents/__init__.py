@@ -1,12 +1,27 @@
 """The reinforcement-learning agent (§3.3)."""
 
-from semrl.agents.config import DQNConfig
-from semrl.agents.dqn import DQN
-from semrl.agents.networks import NetworkConfig
-from semrl.agents.protocol import Agent
-from semrl.agents.tabular import QLearning, QLearningConfig
+from typing import TYPE_CHECKING
+
+from semrl.core.lazy import lazily
 from semrl.core.registry import Registry
 
-AGENTS: Registry[Agent] = Registry("agents", {"dqn": "semrl.agents.dqn:DQN"})
+if TYPE_CHECKING:
+    from semrl.agents.config import DQNConfig, NetworkConfig
+    from semrl.agents.dqn import DQN
+    from semrl.agents.protocol import Agent
+    from semrl.agents.tabular import QLearning, QLearningConfig
+
+AGENTS: "Registry[Agent]" = Registry("agents", {"dqn": "semrl.agents.dqn:DQN"})
+
+_HOME = {
+    "DQN": "semrl.agents.dqn",
+    "Agent": "semrl.agents.protocol",
+    "DQNConfig": "semrl.agents.config",
+    "NetworkConfig": "semrl.agents.config",
+    "QLearning": "semrl.agents.tabular",
+    "QLearningConfig": "semrl.agents.tabular",
+}
 
 __all__ = ["AGENTS", "DQN", "Agent", "DQNConfig", "NetworkConfig", "QLearning", "QLearningConfig"]
+
+__getattr__, __dir__ = lazily(__name__, _HOME)

@@ -1,10 +1,11 @@
 """Where networks compute."""
 
-from typing import Literal
-
-import torch
+from typing import TYPE_CHECKING, Literal
 
 from semrl.core.errors import UsageError
+
+if TYPE_CHECKING:
+    import torch
 
 Device = Literal["auto", "cpu", "cuda", "mps"]
 
@@ -14,7 +15,7 @@ def is_there(name: Device) -> bool:
     return name == "auto" or _there()[name]
 
 
-def pick_device(name: Device) -> torch.device:
+def pick_device(name: Device) -> "torch.device":
     """Return the device of a name; ``"auto"`` takes a GPU where there is one.
 
     Raises
@@ -22,6 +23,8 @@ def pick_device(name: Device) -> torch.device:
     UsageError
         When this machine has no such device.
     """
+    import torch  # late: the names of devices are settings, and settings are read without torch
+
     there = _there()
     if name == "auto":
         return torch.device(next(kind for kind in ("cuda", "mps", "cpu") if there[kind]))
@@ -33,4 +36,6 @@ def pick_device(name: Device) -> torch.device:
 
 
 def _there() -> dict[str, bool]:
+    import torch
+
     return {"cpu": True, "cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available()}

@@ -1,34 +1,9 @@
 """The networks of the agent (Fig. 3.8): convolutions for images, a dense layer alone for vectors."""
 
-from dataclasses import dataclass
-
 import torch
 from torch import Tensor, nn
 
-from semrl.core.errors import UsageError
-
-MAX_FREQUENCIES = 16
-
-
-@dataclass(frozen=True, kw_only=True)
-class NetworkConfig:
-    """Shape of the Q-network."""
-
-    hidden_units: tuple[int, ...] = (256,)
-    """Width of each dense layer."""
-    layer_norm: bool = False
-    """Normalise each dense layer before its activation (Ba et al. 2016)."""
-    normalise_input: bool = False
-    """Bring each number of a vector to mean 0 and standard deviation 1, as measured on the initial buffer."""
-    frequencies: int = 0
-    """Show each number of a vector as sines and cosines as well, of so many frequencies, each twice the one before."""
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.frequencies <= MAX_FREQUENCIES:
-            raise UsageError(f"dqn.network.frequencies must lie in 0 … {MAX_FREQUENCIES}, not {self.frequencies}")
-        if any(units < 1 for units in self.hidden_units):
-            raise UsageError(f"dqn.network.hidden_units must all be 1 or more, not {self.hidden_units}")
-
+from semrl.agents.config import NetworkConfig
 
 LEAST_DEVIATION = 0.5
 """Smallest deviation that is divided by, as a share of the root mean square over all numbers of its kind."""

@@ -2,8 +2,6 @@
 
 import contextlib
 import dataclasses
-import json as json_format
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,12 +9,14 @@ from pathlib import Path
 import tyro
 
 from semrl.cli.arguments import parse
-from semrl.cli.progress import console, progress_bars, summary
+from semrl.cli.progress import PlayProgress, show_summary
+from semrl.core.strict_json import dumps
 from semrl.evaluation import evaluate
 from semrl.evaluation.player import Policy
 from semrl.evaluation.video import recorder
 from semrl.training import RunFolder
 from semrl.training.loop import Step
+from semrl.training.progress_lines import last_returns
 
 REWARDS_SHOWN = 6
 """Of each sign."""
@@ -38,6 +38,8 @@ class EvalArguments:
     """Probability of a random action [default: what the run is configured for, 0]."""
     sticky_actions: float | None = None
     """Probability that a frame repeats the previous action [default, and with 0: as in training]."""
+    max_decisions: int | None = None
+    """Decisions after which an episode is cut [default: what the run is configured for, 27000]."""
     at: int | None = None
     """Play as the agent was after so many decisions: one of the run's milestones [default: as it is now]."""
     video: Path | None = None
@@ -52,25 +54,21 @@ def main(argv: Sequence[str]) -> None:
     config = RunFolder.open(arguments.run).config()
     episodes = config.evaluation.episodes if arguments.episodes is None else arguments.episodes
     returns: list[float] = []
-    shown = [0.0]
-    bars = progress_bars()
+    decisions = 0
     with contextlib.ExitStack() as stack:
         record = stack.enter_context(recorder(arguments.run, arguments.video))
+        progress = stack.enter_context(PlayProgress("evaluate", episodes, "episodes"))
 
         def on_step(episode: int, step: Step) -> None:
-            if not bars.tasks:  # nothing is shown before: a call that cannot work costs one line, the error's
-                stack.enter_context(bars)
-                bars.add_task("evaluate", total=episodes, note="")
+            nonlocal decisions
             record(episode, step)
-            if step.action is not None and time.monotonic() - shown[0] > 0.5:
-                shown[0] = time.monotonic()
-                mean = f"mean return {sum(returns) / len(returns):.1f}, " if returns else ""
-                bars.update(bars.task_ids[0], note=f"{mean}this one {step.total:.0f}")
+            if step.action is not None:
+                decisions += 1
+                progress.update(len(returns), decisions, lambda: f"{last_returns(returns)}, this one {step.total:g}")
 
         def on_episode(total: float) -> None:
             returns.append(total)
-            note = f"mean return {sum(returns) / len(returns):.1f}"
-            bars.update(bars.task_ids[0], advance=1, note=note)
+            progress.update(len(returns), decisions, lambda: f"{_mean(returns)}{last_returns(returns)}")
 
         result = evaluate(
             arguments.run,
@@ -79,21 +77,26 @@ def main(argv: Sequence[str]) -> None:
             policy=arguments.policy,
             exploration=arguments.exploration,
             sticky_actions=arguments.sticky_actions,
+            max_decisions=arguments.max_decisions,
             at=arguments.at,
             on_episode=on_episode,
             on_step=on_step,
         )
     if arguments.json:
-        print(json_format.dumps(dataclasses.asdict(result)))
+        print(dumps(dataclasses.asdict(result)))
         return
-    console.print(summary({
+    show_summary({
         "mean return": f"{result.mean:.2f} ± {result.std:.2f}",
         "episodes": result.episodes,
         "from … to": f"{result.min:.0f} … {result.max:.0f}",
         "decisions each": f"{min(result.lengths):,} … {max(result.lengths):,}",
         **_rewards(result.rewards[0]),
         **({"video": arguments.video} if arguments.video else {}),
-    }))  # fmt: skip
+    })  # fmt: skip
+
+
+def _mean(returns: Sequence[float]) -> str:
+    return f"mean return {sum(returns) / len(returns):.1f}, "
 
 
 def _rewards(first: Sequence[tuple[int, float]]) -> dict[str, object]:

@@ -1,6 +1,5 @@
 """``semrl explain``: one decision of a run, and why it was taken."""
 
-import json as json_format
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from rich.text import Text
 from semrl.cli.arguments import parse
 from semrl.cli.progress import console, error_console
 from semrl.core.files import require_writable
+from semrl.core.strict_json import dumps
 from semrl.evaluation.explaining import explain
 from semrl.evaluation.explanation import Explanation
 from semrl.evaluation.player import Policy
@@ -76,7 +76,7 @@ def main(argv: Sequence[str]) -> None:
         write_explanation(explanation, arguments.html)
     if arguments.json:
         page = None if arguments.html is None else str(arguments.html)
-        print(json_format.dumps(explanation.to_json() | {"html": page}, allow_nan=False))
+        print(dumps(explanation.to_json() | {"html": page}))
         return
     _show(explanation)
     if arguments.html:

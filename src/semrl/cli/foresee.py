@@ -1,8 +1,6 @@
 """``semrl foresee``: how far a run's model of the world sees ahead."""
 
-import contextlib
 import dataclasses
-import json as json_format
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +8,8 @@ from pathlib import Path
 import tyro
 
 from semrl.cli.arguments import parse
-from semrl.cli.progress import console, progress_bars, summary
+from semrl.cli.progress import PlayProgress, show_summary
+from semrl.core.strict_json import dumps
 from semrl.evaluation.player import Policy
 from semrl.evaluation.prediction import Quality, foresight
 from semrl.training.loop import Step
@@ -29,7 +28,7 @@ class ForeseeArguments:
     run: tyro.conf.Positional[Path]
     """Folder of the run (models with a map)."""
     decisions: int = 10_000
-    """At least so many are played, whole episodes."""
+    """So many are played; the episode that they end in is left."""
     seed: int | None = None
     """Of the episodes [default: one that training did not use]."""
     policy: Policy = "agent"
@@ -43,14 +42,14 @@ class ForeseeArguments:
 def main(argv: Sequence[str]) -> None:
     """Parse, play, compare, tell."""
     arguments = parse(ForeseeArguments, argv, command="foresee")
-    bars = progress_bars()
-    with contextlib.ExitStack() as stack:
+    played = 0
+    with PlayProgress("foresee", arguments.decisions, "decisions") as progress:
 
-        def on_step(_step: Step) -> None:
-            if not bars.tasks:  # nothing is shown before: a call that cannot work costs one line, the error's
-                stack.enter_context(bars)
-                bars.add_task("foresee", total=arguments.decisions, note="")
-            bars.update(bars.task_ids[0], advance=1)
+        def on_step(step: Step) -> None:
+            nonlocal played
+            if step.action is not None:
+                played += 1
+                progress.update(played, played)
 
         quality = foresight(
             arguments.run,
@@ -61,9 +60,9 @@ def main(argv: Sequence[str]) -> None:
             on_step=on_step,
         )
     if arguments.json:
-        print(json_format.dumps({"run": str(arguments.run), **dataclasses.asdict(quality)}))
+        print(dumps({"run": str(arguments.run), **dataclasses.asdict(quality)}))
         return
-    console.print(summary(_as_rows(quality)))
+    show_summary(_as_rows(quality))
 
 
 def _as_rows(quality: Quality) -> dict[str, object]:

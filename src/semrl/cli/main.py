@@ -4,7 +4,6 @@ import ast
 import difflib
 import importlib
 import importlib.util
-import os
 import signal
 import sys
 from collections.abc import Sequence
@@ -14,6 +13,7 @@ from pathlib import Path
 from types import FrameType, ModuleType
 
 from semrl import __version__
+from semrl.cli.output import complain, printing
 from semrl.core.errors import SemrlError, UsageError
 from semrl.core.signals import handling
 
@@ -35,8 +35,17 @@ COMMAND_GROUP = "semrl.commands"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line; return the exit status: 0 did it, 1 failed, 2 the call was wrong."""
+    """Run the command line; return the exit status: 0 did it, 1 failed, 2 the call was wrong.
+
+    Where nobody reads on (``semrl map RUN | head``), it ends quietly with 141, as programs that a shell ends do.
+    """
     argv = list(sys.argv[1:] if argv is None else argv)
+    with printing() as ended:
+        ended.status = _run(argv)
+    return ended.status
+
+
+def _run(argv: Sequence[str]) -> int:
     if not argv or argv[0] in ("-h", "--help"):
         print(_help())
         return 0
@@ -44,29 +53,37 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"semrl {__version__}")
         return 0
     try:
-        return _run(argv[0], argv[1:])
+        return _call(argv[0], argv[1:])
     except SystemExit as leave:  # the help of a command was shown
         return int(leave.code or 0)
 
 
-def _run(command: str, argv: Sequence[str]) -> int:
+def _call(command: str, argv: Sequence[str]) -> int:
     try:
         with handling(_interrupt, signal.SIGTERM):
             _module(command).main(argv)
     except UsageError as error:
-        return _complain(error, 2)
+        return complain(error, 2)
     except SemrlError as error:
-        return _complain(error, 1)
+        return complain(error, 1)
+    except ImportError as error:
+        if (error.name or "semrl").partition(".")[0] == "semrl":
+            raise
+        return complain(_lacking(error), 1)
     except MemoryError as error:
-        return _complain(f"not enough memory: {error or 'try a smaller --agent.replay-capacity'}", 1)
+        return complain(f"not enough memory: {error or 'try a smaller --dqn.replay-capacity'}", 1)
     except (KeyboardInterrupt, SystemError) as error:  # compiled code that is interrupted says so in its own way
         if isinstance(error, SystemError) and not isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):
             raise
-        return _complain("stopped", 1)
-    except BrokenPipeError:  # whoever read our output has gone
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
+        return complain("stopped", 1)
     return 0
+
+
+def _lacking(error: ImportError) -> str:
+    """Say which package is missing, or is there and cannot be used."""
+    package = str(error.name).partition(".")[0]
+    problem = "is missing" if isinstance(error, ModuleNotFoundError) else f"cannot be used ({error})"
+    return f"the package {package} {problem}; 'semrl doctor' says how to get what is needed"
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:
@@ -96,13 +113,8 @@ def _summary(module: str) -> str:
     spec = importlib.util.find_spec(module)
     if spec is None or spec.origin is None:
         return f"(the module {module} is missing)"
-    first = (ast.get_docstring(ast.parse(Path(spec.origin).read_text())) or "").partition("\n")[0]
+    first = (ast.get_docstring(ast.parse(Path(spec.origin).read_text(encoding="utf-8"))) or "").partition("\n")[0]
     return first.partition(": ")[2].rstrip(".") or first
-
-
-def _complain(problem: object, status: int) -> int:
-    print(f"semrl: {' '.join(str(problem).split())}", file=sys.stderr)
-    return status
 
 
 def _help() -> str:

@@ -1,6 +1,5 @@
 """``semrl map``: what the map of a run looks like, and the map as a file."""
 
-import json as json_format
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,9 +7,11 @@ from pathlib import Path
 import tyro
 
 from semrl.cli.arguments import parse
-from semrl.cli.progress import console, summary
+from semrl.cli.progress import console, show_summary
+from semrl.core import MapGraph
 from semrl.core.files import require_writable, write_atomic
-from semrl.evaluation import LoadedMap, load_map
+from semrl.core.strict_json import dumps
+from semrl.evaluation.graph import load_graph
 from semrl.knowledge.description import MapDescription, describe
 
 
@@ -37,14 +38,11 @@ def main(argv: Sequence[str]) -> None:
     arguments = parse(MapArguments, argv, command="map")
     if arguments.export:
         _check(arguments.export)  # what cannot be written is told before a large run is loaded
-    loaded = load_map(arguments.run)
-    described = describe(loaded.graph)
-    if arguments.export:
-        _export(loaded, arguments.export)
+    described = describe(_export(arguments.run, arguments.export) if arguments.export else load_graph(arguments.run))
     if arguments.json:
-        print(json_format.dumps(_as_json(arguments, described)))
+        print(dumps(_as_json(arguments, described)))
         return
-    console.print(summary(_as_rows(described)))
+    show_summary(_as_rows(described))
     if arguments.export:
         console.print(f"written: {arguments.export}", soft_wrap=True, markup=False, highlight=False)
 
@@ -56,11 +54,17 @@ def _check(path: Path) -> None:
     require_writable(path)
 
 
-def _export(loaded: LoadedMap, path: Path) -> None:
+def _export(run: Path, path: Path) -> MapGraph:
+    """Write the map; return it."""
+    from semrl.evaluation.maps import (
+        load_map,
+    )  # late: names of actions and rules need the game and the agent, and take long
     from semrl.knowledge.export import exporter
 
+    loaded = load_map(run)
     written = exporter(path)(loaded.graph, loaded.action_names, loaded.rules)
     write_atomic(path, lambda file: file.write(written))
+    return loaded.graph
 
 
 def _as_json(arguments: MapArguments, described: MapDescription) -> dict[str, object]:

@@ -1,13 +1,13 @@
 """What a person sees while something runs: on standard error, so that standard output stays clean."""
 
+import contextlib
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -18,14 +18,30 @@ from rich.progress import (
     TextColumn,
     TimeRemainingColumn,
 )
-from rich.table import Column, Table
+from rich.table import Column
 from rich.text import Text
 
-from semrl.training import RunConfig
-from semrl.training.trainer import AGENT, Row, Trainer
+if TYPE_CHECKING:  # importing them takes seconds, which commands that show a table should not cost
+    from semrl.training.config import RunConfig
+    from semrl.training.trainer import Row, Trainer
 
-console = Console()
-error_console = Console(stderr=True)
+
+class _Printed(Console):
+    """Standard output; when nobody reads it, the command ends."""
+
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError
+
+
+class _Told(Console):
+    """Standard error; when nobody reads it, the command goes on."""
+
+    def on_broken_pipe(self) -> None:
+        self.quiet = True
+
+
+console = _Printed()
+error_console = _Told(stderr=True)
 
 
 class _Rate(ProgressColumn):
@@ -56,16 +72,26 @@ def _whole() -> Column:
     return Column(no_wrap=True, min_width=1, overflow="fold")
 
 
+def say(line: str) -> None:
+    """Print a line on standard error, as it is; where it cannot be printed, work goes on."""
+    with contextlib.suppress(OSError):
+        error_console.print(line, soft_wrap=True, markup=False, highlight=False)
+
+
 class TrainingProgress:
-    """A bar for each phase of a training; observes the trainer.
+    """A bar for each phase of a training, or a line every half minute where there is no terminal; observes the trainer.
 
     Nothing is shown before the first decision: a call that cannot work costs one line, the error's.
     """
 
-    def __init__(self, config: RunConfig, path: Path) -> None:
+    def __init__(self, config: "RunConfig", path: Path) -> None:
+        from semrl.training.progress_lines import TrainingLines
+
         self.config = config
         self.path = path
         self._bars = progress_bars()
+        self._lines = None if error_console.is_terminal else TrainingLines(say)
+        self._began = False
         self._tasks: dict[str, TaskID] = {}
         self._shown_at = 0.0
 
@@ -75,22 +101,31 @@ class TrainingProgress:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._tasks:
+        if self._lines:
+            self._lines.close()
+        elif self._began:
             self._bars.stop()
 
-    def on_decision(self, trainer: Trainer) -> None:
+    def on_decision(self, trainer: "Trainer") -> None:
         """Move the agent's bar, a few times a second."""
+        if self._lines:
+            self._begin()
+            self._lines.on_decision(trainer)
+            return
         if trainer.perceiving or time.monotonic() - self._shown_at < 0.2 < trainer.decisions - trainer.decisions_:
             return
         self._shown_at = time.monotonic()
-        task = self._task(AGENT, trainer.decisions, trainer.decisions_)
+        task = self._task(trainer.phase, trainer.decisions, trainer.decisions_)
         self._bars.update(task, completed=trainer.decisions_)
 
-    def on_row(self, row: Row) -> None:
+    def on_row(self, row: "Row") -> None:
         """Note what was measured."""
-        if row["phase"] == AGENT:
+        if self._lines:
+            self._lines.on_row(row)
+            return
+        if "return" in row:  # the agent's
             note = f"return {row['return']:.0f}, episode {row['episode']}"
-            self._bars.update(self._task(AGENT, self.config.decisions, row["decisions"]), note=note)
+            self._bars.update(self._task(row["phase"], self.config.decisions, row["decisions"]), note=note)
             return
         # How long a stage takes is not known: its bar fills by the batches it has had.
         task = self._task(row["phase"], None, row["batches"] - 1)
@@ -99,22 +134,82 @@ class TrainingProgress:
         self._bars.update(task, completed=row["batches"], note=note)
 
     def _task(self, phase: str, total: int | None, done: int) -> TaskID:
-        if not self._tasks:
-            what = (
-                f"[bold]{self.config.model}[/] on {self.config.env}, seed {self.config.seed} → {escape(str(self.path))}"
-            )
-            error_console.print(what, soft_wrap=True)
-            self._bars.start()
+        self._begin()
         if phase not in self._tasks:
             for task in self._bars.tasks:  # the phases before it are complete
                 self._bars.update(task.id, total=task.completed)
             self._tasks[phase] = self._bars.add_task(phase, total=total, completed=done, note="")
         return self._tasks[phase]
 
+    def _begin(self) -> None:
+        if self._began:
+            return
+        self._began = True
+        say(f"{self.config.model} on {self.config.env}, seed {self.config.seed} → {self.path}")
+        if not self._lines:
+            self._bars.start()
 
-def summary(values: Mapping[str, object]) -> Table:
-    """Make a table of names and values."""
-    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+
+class PlayProgress:
+    """A bar, or a line every half minute where there is no terminal, while a trained run plays.
+
+    Nothing is shown before the first decision: a call that cannot work costs one line, the error's.
+
+    Parameters
+    ----------
+    what
+        Is done.
+    total, unit
+        How much of it, and what that is.
+    """
+
+    def __init__(self, what: str, total: int, unit: str) -> None:
+        from semrl.training.progress_lines import ProgressLines
+
+        self._what, self._total, self._unit = what, total, unit
+        self._bars = progress_bars()
+        self._lines = None if error_console.is_terminal else ProgressLines(say)
+        self._shown_at = 0.0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._lines:
+            self._lines.close()
+        elif self._bars.tasks:
+            self._bars.stop()
+
+    def update(self, done: int, decisions: int, note: Callable[[], str] = str) -> None:
+        """Note how far it is, a few times a second."""
+        if self._lines:
+            self._lines.update(self._what, done, self._total, unit=self._unit, decisions=decisions, note=note)
+            return
+        if time.monotonic() - self._shown_at < 0.2 and done < self._total:
+            return
+        self._shown_at = time.monotonic()
+        if not self._bars.tasks:
+            self._bars.start()
+            self._bars.add_task(self._what, total=self._total, note="")
+        self._bars.update(self._bars.task_ids[0], completed=done, note=note())
+
+
+@contextlib.contextmanager
+def working(text: str) -> Iterator[Callable[[str], None]]:
+    """Show what is being done; yield what tells of the next thing. Without a terminal each is a line."""
+    if not error_console.is_terminal:
+        say(text)
+        yield say
+        return
+    with error_console.status(text) as status:
+        yield status.update
+
+
+def show_summary(values: Mapping[str, object]) -> None:
+    """Print names and values, each a line that is not wrapped: paths and commands are copied from it."""
+    width = max(map(len, values))
     for name, value in values.items():
-        table.add_row(f"[dim]{name}[/]", escape(str(value)))
-    return table
+        line = Text.assemble((f"{name:<{width}}", "dim"), f"  {value}")
+        console.print(line, soft_wrap=True, highlight=False)

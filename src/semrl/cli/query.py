@@ -1,6 +1,5 @@
 """``semrl query``: the map of a run as a knowledge base, asked in SPARQL."""
 
-import json as json_format
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from rich.text import Text
 
 from semrl.cli.arguments import parse
 from semrl.cli.progress import console, error_console
+from semrl.core.strict_json import dumps
 from semrl.evaluation import load_map
 from semrl.knowledge.queries import Answer, Limits, ask
 from semrl.knowledge.store import to_store
@@ -54,7 +54,7 @@ def main(argv: Sequence[str]) -> None:
     loaded = load_map(arguments.run)
     answer = ask(to_store(loaded.graph, loaded.action_names, loaded.rules), arguments.query, limits)
     if arguments.json:
-        print(json_format.dumps({"run": str(arguments.run), **_as_json(answer)}))
+        print(dumps({"run": str(arguments.run), **_as_json(answer)}))
         return
     _show(answer)
 

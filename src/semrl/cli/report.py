@@ -1,6 +1,6 @@
 """``semrl report``: one page about one or more runs."""
 
-import json as json_format
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,8 +8,10 @@ from pathlib import Path
 import tyro
 
 from semrl.cli.arguments import parse
-from semrl.cli.progress import console, error_console, summary
-from semrl.core.errors import UsageError
+from semrl.cli.progress import error_console, show_summary
+from semrl.core.errors import SemrlWarning, UsageError
+from semrl.core.files import require_writable
+from semrl.core.strict_json import dumps
 from semrl.evaluation.gallery import save_gallery
 from semrl.report import write_report
 from semrl.training import RunConfig, RunFolder
@@ -35,14 +37,15 @@ def main(argv: Sequence[str]) -> None:
         raise UsageError("report needs the folder of at least one run; see semrl report --help")
     folders = [RunFolder.open(run) for run in arguments.runs]
     out = arguments.out or (arguments.runs[0] if len(folders) == 1 else Path()) / "report.html"
+    require_writable(out)
     for folder in folders:
         folder.config()  # a damaged one is told before anything is made
         _make_gallery(folder)
     page = write_report(arguments.runs, out, defaults=to_dict(RunConfig()))
     if arguments.json:
-        print(json_format.dumps({"report": str(page), "runs": [str(run) for run in arguments.runs]}))
+        print(dumps({"report": str(page), "runs": [str(run) for run in arguments.runs]}))
         return
-    console.print(summary({"report": page.resolve().as_uri()}))
+    show_summary({"report": page.resolve().as_uri()})
 
 
 def _make_gallery(folder: RunFolder) -> None:
@@ -50,6 +53,11 @@ def _make_gallery(folder: RunFolder) -> None:
     gallery = folder.path / "gallery.npz"
     checkpoints = folder.checkpoints()
     if not checkpoints or (gallery.exists() and gallery.stat().st_mtime >= checkpoints[-1].stat().st_mtime):
+        return
+    try:
+        require_writable(gallery)
+    except UsageError as error:
+        warnings.warn(f"{error}; the page shows no frames of this run", SemrlWarning, stacklevel=2)
         return
     with error_console.status(f"looking at frames with the perception of {folder.path}"):
         save_gallery(folder.path, folder.config().seed)

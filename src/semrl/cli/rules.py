@@ -1,6 +1,5 @@
 """``semrl rules``: what a run has learned of its world, in sentences."""
 
-import json as json_format
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import groupby
@@ -10,6 +9,7 @@ import tyro
 
 from semrl.cli.arguments import parse
 from semrl.cli.progress import console
+from semrl.core.strict_json import dumps
 from semrl.evaluation.rules import load_rules
 from semrl.world_model.rules import sentence
 
@@ -37,7 +37,7 @@ def main(argv: Sequence[str]) -> None:
     arguments = parse(RulesArguments, argv, command="rules")
     found = load_rules(arguments.run, most=arguments.most)
     if arguments.json:
-        print(json_format.dumps({"run": str(arguments.run), "rules": [asdict(rule) for rule in found]}))
+        print(dumps({"run": str(arguments.run), "rules": [asdict(rule) for rule in found]}))
         return
     for about, group in groupby(found, key=lambda rule: rule.about):
         console.print(f"[bold]{about}[/bold]")

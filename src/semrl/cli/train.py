@@ -2,7 +2,7 @@
 
 import argparse
 import dataclasses
-import json
+import shlex
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,8 +12,9 @@ from typing import Annotated, Any
 import tyro
 
 from semrl.cli.arguments import parse
-from semrl.cli.progress import TrainingProgress, console, summary
+from semrl.cli.progress import TrainingProgress, show_summary
 from semrl.core.errors import UsageError
+from semrl.core.strict_json import dumps
 from semrl.training import RunConfig, RunFolder, TrainResult, preset, train
 from semrl.training.config import read_toml
 from semrl.training.trainer import Observer
@@ -60,17 +61,18 @@ def main(argv: Sequence[str]) -> None:
 def tell(result: TrainResult, *, as_json: bool) -> None:
     """Print the result for a person or for a program."""
     if as_json:
-        print(json.dumps(dataclasses.asdict(result)))
+        print(dumps(dataclasses.asdict(result)))
         return
-    last = result.return_mean_last10
-    console.print(summary({
+    last, run = result.return_mean_last10, shlex.quote(result.run)
+    show_summary({
         "run": result.run,
         "played": f"{result.decisions:,} decisions ({result.frames:,} frames)",
         "agent's episodes": result.episodes,
         "mean return, last 10": "no episode finished" if last is None else f"{last:.1f}",
         "took": f"{result.seconds / 60:.1f} minutes",
-        "next": f"semrl eval {result.run} --episodes 5   ·   semrl report {result.run}",
-    }))  # fmt: skip
+        "next": f"semrl eval {run} --episodes 5",
+        "and": f"semrl report {run}",
+    })  # fmt: skip
 
 
 def _parse(argv: Sequence[str]) -> TrainArguments:

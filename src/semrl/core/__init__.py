@@ -4,10 +4,39 @@ Positions are in pixels of the preprocessed 84×84 image, ``(row, column)``, mea
 corner; a pixel's centre lies at its integer coordinate.
 """
 
-from semrl.core.named import IMAGE_SIZE_PX, NO_ACTION, Floats, Frame, Image, Ints
-from semrl.core.planned import MapGraph, Moment, Plan, Scenarios, Trajectory, Transitions
-from semrl.core.seen import Objects, Observation, Outcome, SceneGraph, Sight, Tracks
-from semrl.core.state import AgentObservation, State, StateSpace
+from typing import TYPE_CHECKING
+
+from semrl.core.lazy import lazily
+
+if TYPE_CHECKING:
+    from semrl.core.named import IMAGE_SIZE_PX, NO_ACTION, Floats, Frame, Image, Ints
+    from semrl.core.planned import MapGraph, Moment, Plan, Scenarios, Trajectory, Transitions
+    from semrl.core.seen import Objects, Observation, Outcome, SceneGraph, Sight, Tracks
+    from semrl.core.state import AgentObservation, State, StateSpace
+
+_HOME = {
+    "IMAGE_SIZE_PX": "semrl.core.named",
+    "NO_ACTION": "semrl.core.named",
+    "AgentObservation": "semrl.core.state",
+    "Floats": "semrl.core.named",
+    "Frame": "semrl.core.named",
+    "Image": "semrl.core.named",
+    "Ints": "semrl.core.named",
+    "MapGraph": "semrl.core.planned",
+    "Moment": "semrl.core.planned",
+    "Objects": "semrl.core.seen",
+    "Observation": "semrl.core.seen",
+    "Outcome": "semrl.core.seen",
+    "Plan": "semrl.core.planned",
+    "Scenarios": "semrl.core.planned",
+    "SceneGraph": "semrl.core.seen",
+    "Sight": "semrl.core.seen",
+    "State": "semrl.core.state",
+    "StateSpace": "semrl.core.state",
+    "Tracks": "semrl.core.seen",
+    "Trajectory": "semrl.core.planned",
+    "Transitions": "semrl.core.planned",
+}
 
 __all__ = [
     "IMAGE_SIZE_PX",
@@ -32,3 +61,5 @@ __all__ = [
     "Trajectory",
     "Transitions",
 ]
+
+__getattr__, __dir__ = lazily(__name__, _HOME)

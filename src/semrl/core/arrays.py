@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from semrl.core.strict_json import dumps
+
 Arrays = dict[str, NDArray[Any]]
 
 
@@ -28,7 +30,7 @@ def unnest(arrays: Mapping[str, NDArray[Any]], name: str) -> Arrays:
 
 def json_to_array(value: object) -> NDArray[np.uint8]:
     """Write a JSON-able value as bytes, so that it can stand among arrays."""
-    return np.frombuffer(json.dumps(value, sort_keys=True).encode(), dtype=np.uint8)
+    return np.frombuffer(dumps(value, sort_keys=True).encode(), dtype=np.uint8)
 
 
 def array_to_json(array: NDArray[np.uint8]) -> Any:

@@ -1,8 +1,6 @@
 """Errors whose message is all a person needs: one line that says what is wrong and what to do."""
 
-from importlib.metadata import requires
-
-from packaging.requirements import Requirement
+from importlib.metadata import PackageNotFoundError, requires
 
 
 class SemrlError(Exception):
@@ -15,6 +13,10 @@ class UsageError(SemrlError):
 
 class DataError(SemrlError, ValueError):
     """An array is not what a component can work with (shape, dtype, range, not finite)."""
+
+
+class SemrlWarning(UserWarning):
+    """Something goes on otherwise than it should; the command line prints it as one line and goes on."""
 
 
 class MissingExtraError(UsageError, ImportError):
@@ -35,6 +37,11 @@ class MissingExtraError(UsageError, ImportError):
 
 def how_to_get(extra: str) -> str:
     """Return the command that installs what an extra of semrl needs."""
-    every = map(Requirement, requires("semrl") or ())
+    from packaging.requirements import Requirement  # late: errors are told where packages are missing
+
+    try:
+        every = map(Requirement, requires("semrl") or ())
+    except PackageNotFoundError:  # run from a folder
+        return f"pip install '.[{extra}]'"
     wanted = [one for one in every if one.marker and one.marker.evaluate({"extra": extra})]
     return " ".join(["pip install", *(f"'{one.name}{one.specifier}'" for one in wanted)])

@@ -104,7 +104,7 @@ def wait_until_unlocked(path: Path) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Write text, whole or not at all."""
-    write_atomic(path, lambda file: file.write(text.encode()))
+    write_atomic(path, lambda file: file.write(text.encode(errors="replace")))  # names of files may be no text
 
 
 def write_arrays(path: Path, arrays: Arrays) -> None:

@@ -1,5 +1,6 @@
 """One game being played, as a thing that can be saved at any decision and continued elsewhere."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +10,9 @@ from semrl.core import Frame, Ints, Observation, Outcome
 from semrl.core.arrays import Arrays, array_to_rng, rng_to_array
 from semrl.core.errors import SemrlError
 from semrl.envs.environment import Env
+
+LARGEST_REWARD = 1e18
+"""Its square is still a number of float32, in which networks learn."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -48,11 +52,35 @@ class Game:
         return self.begin(int(self._rng.integers(2**31)))
 
     def step(self, action: int) -> Outcome:
-        """Take one decision; after the end of an episode call `reset`."""
+        """Take one decision; after the end of an episode call `reset`.
+
+        Raises
+        ------
+        SemrlError
+            When the reward is nothing to learn from.
+        """
         self._actions.append(action)
-        self._frame, reward, terminated, truncated, _ = self.env.step(action)
-        return Outcome(
-            observation=self._observation(), reward=float(reward), terminated=terminated, truncated=truncated
+        self._frame, given, terminated, truncated, _ = self.env.step(action)
+        reward = self._checked(given)
+        return Outcome(observation=self._observation(), reward=reward, terminated=terminated, truncated=truncated)
+
+    def _checked(self, reward: Any) -> float:
+        """Return a reward that can be learned from.
+
+        Raises
+        ------
+        SemrlError
+            When it is not a number, not finite or too large: what is learned from it would be blamed instead.
+        """
+        try:
+            number = float(reward)
+        except (TypeError, ValueError):
+            number = math.nan
+        if abs(number) <= LARGEST_REWARD:
+            return number
+        raise SemrlError(
+            f"the environment gave the reward {reward} for decision {len(self._actions) - 1} of the episode of seed "
+            f"{self._episode_seed}; a reward must be a number from -{LARGEST_REWARD:g} to {LARGEST_REWARD:g}"
         )
 
     @property

@@ -1,5 +1,6 @@
 """A trained agent that plays, with the perception and the map it was trained with, without learning."""
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,9 +12,10 @@ from semrl.agents import Agent
 from semrl.agents.devices import is_there
 from semrl.core.errors import SemrlError, UsageError
 from semrl.envs import Game, make_env, played_actions
+from semrl.evaluation.graph import empty_map, no_map
 from semrl.perception.encoders import Encoder
 from semrl.planning.module import PlanningModule
-from semrl.training.config import MODELS, RunConfig
+from semrl.training.config import RunConfig
 from semrl.training.folder import RunFolder
 from semrl.training.loop import EpisodeView, Step, play
 from semrl.training.session import build_trainer
@@ -57,13 +59,18 @@ class Player:
         return self.play(self.new_game(int(rng.integers(2**31))), rng, policy)
 
     def play(self, game: Game, rng: np.random.Generator, policy: Policy = "agent") -> Iterator[Step]:
-        """Play one episode and yield every step of it, beginning with the first observation."""
+        """Play one episode and yield every step of it, beginning with the first observation.
+
+        It ends with the game or, in a game that does not end, after `EvaluationConfig.max_decisions`; the last step
+        then is not ``done``.
+        """
 
         def choose(step: Step) -> int:
             explore = rng.random() < self.config.evaluation.exploration
             return int(rng.integers(game.n_actions)) if explore else self.choose(step, policy)
 
-        return play(game, self.view(), choose)
+        steps = play(game, self.view(), choose)
+        return itertools.islice(steps, self.config.evaluation.max_decisions + 1)  # and the first observation
 
     def view(self) -> EpisodeView:
         """Begin an episode that is seen and planned in, without learning."""
@@ -86,10 +93,9 @@ class Player:
             When the model has no map, or the first episode is not over yet; the message names the run.
         """
         if self.planning is None:
-            models = " or ".join(f"--model {name}" for name, model in MODELS.items() if model.plans)
-            raise UsageError(f"{run} is of model '{self.config.model}', which has no map; train one with {models}")
+            raise UsageError(no_map(run, self.config.model))
         if not len(self.planning.state_map.graph_):
-            raise UsageError(f"the map of {run} is still empty: it is drawn after the agent's first episode")
+            raise UsageError(empty_map(run))
         return self.planning
 
     def require_predictions(self, run: str | Path) -> PlanningModule:
@@ -124,9 +130,7 @@ def load_player(run: str | Path, at: int | None = None, *, memory: bool = False)
     """
     folder = RunFolder.open(Path(run))
     config = folder.config()
-    checkpoint = folder.load(at, play_only=True, memory=memory)
-    if checkpoint is None:
-        raise UsageError(f"{run} has no checkpoint yet; go on with: semrl train --run {run} --resume")
+    checkpoint = folder.newest(at, play_only=True, memory=memory)
     device = config.device if is_there(config.device) else "auto"  # what a GPU has learned plays without one as well
     dqn = replace(config.dqn, replay_capacity=config.dqn.n_steps + 1)
     trainer = build_trainer(replace(config, device=device, dqn=dqn))

@@ -1,6 +1,6 @@
 """How well a run's model of the world foresees play that it has not seen (§4.2)."""
 
-import json
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from semrl.core import Floats
 from semrl.core.errors import UsageError
-from semrl.core.files import write_text
+from semrl.evaluation.kept import keep_result, warn_unwritable
 from semrl.evaluation.player import Policy, load_player
 from semrl.evaluation.scores import EVALUATION_SEED, PROBING
 from semrl.perception.encoders.tracked_scene import TrackedSceneEncoder
@@ -75,7 +75,7 @@ def foresight(
     run
         Folder of a run with a map.
     decisions
-        At least so many are played, whole episodes.
+        So many are played, of as many episodes as that takes; the last one is left when they are over.
     seed
         Of the episodes; when None, one that training did not use.
     policy
@@ -95,6 +95,8 @@ def foresight(
     player = load_player(run, at).under(exploration=PROBING)
     world = player.require_predictions(run).world_model
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
+    path = Path(run) / (FILE if at is None else f"foresight-at-{at}.json")
+    warn_unwritable(path)
     facts: Spans = {horizon: [] for horizon in HORIZONS}
     confusion = np.zeros((3, 3), np.int64)
     with limited_threads(player.config.threads):
@@ -110,8 +112,7 @@ def foresight(
         balanced_accuracy=balanced_accuracy(confusion),
         conditions=conditions,
     )
-    path = Path(run) / (FILE if at is None else f"foresight-at-{at}.json")
-    write_text(path, json.dumps(asdict(quality), indent=2) + "\n")
+    keep_result(path, asdict(quality), indent=2)
     return quality
 
 
@@ -124,13 +125,14 @@ def balanced_accuracy(confusion: NDArray[np.int64]) -> float:
 def _episodes(
     play: Callable[[int], Iterator[Step]], decisions: int, on_step: Callable[[Step], None]
 ) -> Iterator[Sequence[Step]]:
-    played = number = 0
-    while played < decisions:
+    """Play so many decisions; yield the steps of each episode."""
+    number = 0
+    while decisions > 0:
         steps = []
-        for step in play(number):
+        for step in itertools.islice(play(number), decisions + 1):  # and the first observation
             steps.append(step)
             on_step(step)
-        played, number = played + len(steps) - 1, number + 1
+        decisions, number = decisions - len(steps) + 1, number + 1
         yield steps
 
 

@@ -1,6 +1,6 @@
 """How well a trained run plays: returns of greedy games from random starts."""
 
-import json
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from semrl.core.errors import UsageError
-from semrl.core.files import write_text
+from semrl.core.errors import SemrlWarning, UsageError
+from semrl.evaluation.kept import keep_result, warn_unwritable
 from semrl.evaluation.player import Policy, load_player
+from semrl.training.config import EvaluationConfig
 from semrl.training.loop import Step
 from semrl.training.session import limited_threads
 
@@ -39,7 +40,7 @@ class EvaluationResult:
     rewards: list[list[tuple[int, float]]]
     """Of each episode: the decisions, from 0, that brought a reward, and which."""
     conditions: dict[str, Any]
-    """Who was tested how: decisions of training, seed, and the fields of `EvaluationConfig`."""
+    """Who was tested how: decisions of training, seed, fields of `EvaluationConfig`, and which episodes were cut."""
 
 
 def evaluate(
@@ -50,6 +51,7 @@ def evaluate(
     policy: Policy = "agent",
     exploration: float | None = None,
     sticky_actions: float | None = None,
+    max_decisions: int | None = None,
     at: int | None = None,
     on_episode: Callable[[float], None] = lambda _: None,
     on_step: Callable[[int, Step], None] = lambda _episode, _step: None,
@@ -63,7 +65,7 @@ def evaluate(
     ----------
     run
         Folder of the run; its newest checkpoint plays.
-    episodes, exploration, sticky_actions
+    episodes, exploration, sticky_actions, max_decisions
         As in `EvaluationConfig`; the run's own when None.
     seed
         Of the episodes; when None, one that training did not use.
@@ -85,6 +87,7 @@ def evaluate(
     if (episodes is not None and episodes < 1) or (seed is not None and seed < 0):
         raise UsageError(f"episodes must be 1 or more and seed 0 or more, not {episodes} and {seed}")
     asked = {"episodes": episodes, "exploration": exploration, "sticky_actions": sticky_actions}
+    asked |= {"max_decisions": max_decisions}
     player = load_player(run, at).under(**{name: value for name, value in asked.items() if value is not None})
     if player.perceiving:
         raise UsageError(
@@ -93,16 +96,30 @@ def evaluate(
     if policy == "planner":
         player.require_predictions(run)
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
+    path = result_path(run, policy=policy, exploration=exploration, sticky_actions=sticky_actions, at=at)
+    warn_unwritable(path)
     games: list[_Game] = []
     with limited_threads(player.config.threads):
         for episode in range(player.config.evaluation.episodes):
             games.append(_game(player.episode(episode, seed, policy), partial(on_step, episode)))
             on_episode(games[-1].total)
-    conditions = {"decisions": player.decisions, "seed": seed, **asdict(player.config.evaluation)}
+    cut = [number for number, game in enumerate(games) if game.is_cut]
+    if cut:
+        _warn_of_cuts(cut, player.config.evaluation)
+    conditions = {"decisions": player.decisions, "seed": seed, **asdict(player.config.evaluation), "cut": cut}
     result = _summed_up(run, policy, games, conditions)
-    path = result_path(run, policy=policy, exploration=exploration, sticky_actions=sticky_actions, at=at)
-    write_text(path, json.dumps(asdict(result)) + "\n")
+    keep_result(path, asdict(result))
     return result
+
+
+def _warn_of_cuts(cut: Sequence[int], tested: EvaluationConfig) -> None:
+    which = f"{len(cut)} of {tested.episodes} episodes were" if len(cut) > 1 else f"episode {cut[0]} was"
+    warnings.warn(
+        f"{which} cut after {tested.max_decisions:,} decisions, before the game had ended; "
+        "--max-decisions says how long an episode may be",
+        SemrlWarning,
+        stacklevel=3,
+    )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -110,6 +127,7 @@ class _Game:
     total: float
     decisions: int
     rewards: list[tuple[int, float]]
+    is_cut: bool
 
 
 def _game(steps: Iterator[Step], on_step: Callable[[Step], None]) -> _Game:
@@ -119,7 +137,7 @@ def _game(steps: Iterator[Step], on_step: Callable[[Step], None]) -> _Game:
         if step.reward:
             rewards.append((step.number - 1, step.reward))
         on_step(step)
-    return _Game(total=step.total, decisions=step.number, rewards=rewards)
+    return _Game(total=step.total, decisions=step.number, rewards=rewards, is_cut=not step.done)
 
 
 def result_path(

@@ -12,6 +12,7 @@ from pathlib import Path
 import pyoxigraph as ox
 
 from semrl.core.errors import SemrlError, UsageError
+from semrl.core.strict_json import dumps
 from semrl.knowledge.guard import guarded
 from semrl.knowledge.vocabulary import PREFIXES
 
@@ -98,7 +99,7 @@ def ask(store: ox.Store, query: str, limits: Limits | None = None) -> Answer:
         "answer_characters": limits.answer_characters,
     }
     triples = store.dump(format=ox.RdfFormat.N_TRIPLES, from_graph=ox.DefaultGraph())
-    told = json.loads(_run(json.dumps(task).encode() + b"\n" + (triples or b""), limits))
+    told = json.loads(_run(dumps(task).encode() + b"\n" + (triples or b""), limits))
     if "error" in told:
         raise UsageError(f"the query cannot be answered: {textwrap.shorten(told['error'], 200, placeholder=' …')}")
     if "truth" in told:

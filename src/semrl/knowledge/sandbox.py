@@ -30,7 +30,7 @@ def main() -> None:
         answer = _answer(store.query(task["query"], prefixes=task["prefixes"]), task["rows"], task["answer_characters"])
     except (SyntaxError, OSError, RuntimeError, ValueError) as error:
         answer = {"error": str(error)}
-    sys.stdout.write(json.dumps(answer))
+    sys.stdout.write(json.dumps(answer, allow_nan=False))
 
 
 def _bound(resource_name: str, most: int) -> None:

@@ -1,6 +1,7 @@
 """What a run left in its folder, read for the report; whatever is not there yet stays empty."""
 
 import json
+import shlex
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -119,8 +120,8 @@ def read_run(path: Path) -> RunRecord:
         When one of its files is damaged.
     """
     try:
-        config = tomllib.loads((path / "config.toml").read_text())
-        manifest = json.loads((path / "manifest.json").read_text())
+        config = tomllib.loads((path / "config.toml").read_text(encoding="utf-8"))
+        manifest = json.loads((path / "manifest.json").read_text(encoding="utf-8"))
     except OSError:
         raise UsageError(f"{path} is not a run: config.toml or manifest.json is missing") from None
     except ValueError as error:
@@ -146,9 +147,10 @@ def _read_json(file: Path, numbers: Sequence[str], command: str) -> Mapping[str,
     if not file.exists():
         return None
     try:
-        content: Mapping[str, Any] = json.loads(file.read_text())
+        content: Mapping[str, Any] = json.loads(file.read_text(encoding="utf-8"))
         for key in numbers:
             float(content[key])
     except (ValueError, KeyError, TypeError):
-        raise SemrlError(f"{file} is damaged; write it again with: semrl {command} {file.parent}") from None
+        again = f"semrl {command} {shlex.quote(str(file.parent))}"
+        raise SemrlError(f"{file} is damaged; write it again with: {again}") from None
     return content

@@ -59,6 +59,8 @@ class EvaluationConfig:
     """Probability of a random action; 0: the agent always does what it values most."""
     sticky_actions: float = 0.0
     """Probability that a frame repeats the previous action (Machado et al. 2018); 0: as in training."""
+    max_decisions: int = 27_000
+    """Decisions after which an episode is cut: 108,000 frames at frame skip 4, as is usual for Atari games."""
 
     def __post_init__(self) -> None:
         if self.episodes < 1 or self.max_noops < 0:
@@ -66,6 +68,8 @@ class EvaluationConfig:
                 f"evaluation.episodes must be 1 or more, evaluation.max_noops 0 or more; "
                 f"not {self.episodes} and {self.max_noops}"
             )
+        if self.max_decisions < 1:
+            raise UsageError(f"evaluation.max_decisions must be 1 or more, not {self.max_decisions}")
         for name in ("exploration", "sticky_actions"):
             if not 0 <= getattr(self, name) <= 1:
                 raise UsageError(f"evaluation.{name} is a probability from 0 to 1, not {getattr(self, name)}")
@@ -159,7 +163,7 @@ def preset(name: str, model: str | None = None, overrides: Mapping[str, Any] | N
     """
     if name not in PRESETS:
         raise UsageError(f"unknown preset '{name}'; there are {', '.join(PRESETS)}")
-    text = importlib.resources.files("semrl").joinpath("presets", f"{name}.toml").read_text()
+    text = importlib.resources.files("semrl").joinpath("presets", f"{name}.toml").read_text(encoding="utf-8")
     values = tomllib.loads(text)
     special = values.pop("models", {})
     overrides = dict(overrides or {})
@@ -206,7 +210,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         When it is missing or no TOML.
     """
     try:
-        return tomllib.loads(path.read_text())
+        return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise UsageError(f"cannot read {path}: {error.strerror}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:

@@ -3,17 +3,21 @@
 import json
 import os
 import platform
+import shlex
 import shutil
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from semrl.core.arrays import Arrays, array_to_json, json_to_array
 from semrl.core.errors import SemrlError, UsageError
 from semrl.core.files import locked, make_folder, read_arrays, write_arrays, write_text
-from semrl.training.config import RunConfig, from_dict, read_toml, write_toml
+from semrl.core.strict_json import dumps
+
+if TYPE_CHECKING:
+    from semrl.training.config import RunConfig
 
 FORMAT = 2
 """Number of the layout of run folders; raised when older ones can no longer be read."""
@@ -40,7 +44,7 @@ class RunFolder:
     path: Path
 
     @classmethod
-    def create(cls, path: Path, config: RunConfig) -> Self:
+    def create(cls, path: Path, config: "RunConfig") -> Self:
         """Make the folder, whole or not at all.
 
         Raises
@@ -48,10 +52,10 @@ class RunFolder:
         UsageError
             When there is something at this path already.
         """
+        from semrl.training.config import write_toml
+
         if path.exists():
-            raise UsageError(
-                f"{path} exists: go on with it (semrl train --run {path} --resume) or choose another folder"
-            )
+            raise UsageError(f"{path} exists: go on with it ({cls(path).resuming}) or choose another folder")
         temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
         folder = cls(temporary)
         try:
@@ -94,15 +98,22 @@ class RunFolder:
         """Where the metrics are."""
         return self.path / "metrics.csv"
 
-    def config(self) -> RunConfig:
+    @property
+    def log_path(self) -> Path:
+        """Where a plain line is written every half minute of training."""
+        return self.path / "train.log"
+
+    def config(self) -> "RunConfig":
         """Read the configuration."""
+        from semrl.training.config import from_dict, read_toml  # late: it knows every part of a run, torch's among them
+
         path = self.path / "config.toml"
         return from_dict(read_toml(path), source=str(path))
 
     def manifest(self) -> dict[str, Any]:
         """Read the manifest: versions, machine, seed, status, hashes."""
         try:
-            content = json.loads(self.manifest_path.read_text())
+            content = json.loads(self.manifest_path.read_text(encoding="utf-8"))
             if not isinstance(content, dict) or not {"format", "status"} <= content.keys():
                 raise ValueError("it says nothing of format and status")
         except (OSError, ValueError) as error:
@@ -111,7 +122,7 @@ class RunFolder:
 
     def write_manifest(self, content: dict[str, Any]) -> None:
         """Replace the manifest."""
-        write_text(self.manifest_path, json.dumps(content, indent=2) + "\n")
+        write_text(self.manifest_path, dumps(content, indent=2) + "\n")
 
     def update_manifest(self, **changes: Any) -> None:
         """Change some entries of the manifest."""
@@ -138,10 +149,13 @@ class RunFolder:
         make_folder(self.path / "milestones")
         _write(self.path / "milestones" / _file_name(checkpoint), checkpoint)
 
-    def load(self, at: int | None = None, *, play_only: bool = False, memory: bool = False) -> Checkpoint | None:
-        """Read the newest checkpoint or a milestone; or, of it, only what is needed to play.
+    def load(
+        self, at: int | None = None, *, prefix: str = "", play_only: bool = False, memory: bool = False
+    ) -> Checkpoint | None:
+        """Read the newest checkpoint or a milestone; or, of it, only arrays whose names begin with `prefix`.
 
-        With `memory` also what map and world model need to go on learning. None when there is no checkpoint yet.
+        With `play_only`, read what is needed to play; with `memory` also what map and world model need to go on
+        learning. None when there is no checkpoint yet.
 
         Raises
         ------
@@ -155,7 +169,7 @@ class RunFolder:
             return None
         try:
             meta = _read_meta(paths[-1])
-            wanted = (*meta["playable"], *(("planning/",) if memory else ())) if play_only else ("",)
+            wanted = (*meta["playable"], *(("planning/",) if memory else ())) if play_only else (prefix,)
             arrays = read_arrays(paths[-1], prefixes=wanted)
             arrays.pop("meta", None)
         except UsageError:
@@ -169,6 +183,28 @@ class RunFolder:
             seconds=meta["seconds"],
             playable=frozenset(meta["playable"]),
         )
+
+    def newest(
+        self, at: int | None = None, *, prefix: str = "", play_only: bool = False, memory: bool = False
+    ) -> Checkpoint:
+        """Read as `load` does, where something must be there.
+
+        Raises
+        ------
+        UsageError
+            When there is no checkpoint yet, or no such milestone.
+        SemrlError
+            When it is damaged.
+        """
+        checkpoint = self.load(at, prefix=prefix, play_only=play_only, memory=memory)
+        if checkpoint is None:
+            raise UsageError(f"{self.path} has no checkpoint yet; go on with: {self.resuming}")
+        return checkpoint
+
+    @property
+    def resuming(self) -> str:
+        """The command that goes on with this run, as a shell takes it."""
+        return f"semrl train --run {shlex.quote(str(self.path))} --resume"
 
     def _milestone(self, at: int) -> Path:
         kept = self.milestones()
@@ -224,7 +260,7 @@ def _read_meta(path: Path) -> dict[str, Any]:
         raise SemrlError(f"{path} is no checkpoint: what it says of itself is missing") from None
 
 
-def _provenance(config: RunConfig) -> dict[str, Any]:
+def _provenance(config: "RunConfig") -> dict[str, Any]:
     return {
         "format": FORMAT,
         "status": "new",

@@ -98,7 +98,7 @@ class MetricsFile:
         writer.writerows(rows)
         write_text(self.path, text.getvalue())
         self._columns = columns
-        self._file = self.path.open("a", newline="")
+        self._file = self.path.open("a", newline="", encoding="utf-8")
         self._writer = csv.DictWriter(self._file, columns, lineterminator="\n")
 
     @contextlib.contextmanager
@@ -120,7 +120,7 @@ def read_metrics(path: Path) -> list[dict[str, str]]:
     if not path.exists():
         return []
     try:
-        lines = path.read_text().splitlines(keepends=True)
+        lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
         rows = list(csv.DictReader(line for line in lines if line.endswith("\n")))
     except (ValueError, csv.Error) as error:
         raise SemrlError(f"{path} is damaged: {error}") from None

@@ -5,6 +5,7 @@ import signal
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -25,6 +26,7 @@ from semrl.planning.module import PlanningModule
 from semrl.training.config import RunConfig
 from semrl.training.folder import Checkpoint, RunFolder
 from semrl.training.metrics import MetricsFile
+from semrl.training.progress_lines import TrainingLines, append_line
 from semrl.training.trainer import Observer, Row, Trainer
 
 
@@ -128,7 +130,8 @@ class _Session:
     def __init__(self, folder: RunFolder, config: RunConfig, observers: Sequence[Observer]) -> None:
         self.folder = folder
         self.config = config
-        self.trainer = build_trainer(config, [self, *observers])
+        self._lines = TrainingLines(partial(append_line, folder.log_path))
+        self.trainer = build_trainer(config, [self, self._lines, *observers])
         self._stopped_by: signal.Signals | None = None
         self._phase = self.trainer.phase
         self._saved_at = time.monotonic()
@@ -149,6 +152,7 @@ class _Session:
                 raise
             finally:
                 self.metrics.close()
+                self._lines.close()
 
     def on_row(self, row: Row) -> None:
         """Write what was measured."""
@@ -165,7 +169,7 @@ class _Session:
         if self._stopped_by:
             raise SemrlError(
                 f"stopped by {self._stopped_by.name} after {trainer.decisions_:,} decisions; "
-                f"go on with: semrl train --run {self.folder.path} --resume"
+                f"go on with: {self.folder.resuming}"
             )
 
     def _begin(self) -> None:

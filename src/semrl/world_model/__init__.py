@@ -1,16 +1,39 @@
 """What comes next: the thesis's pair of models, and regression trees (§3.4.3)."""
 
-from semrl.core.registry import Registry
-from semrl.world_model.experience import EpisodeRecord, Experience
-from semrl.world_model.model_pair import ModelPair, ModelPairConfig, roll_forward
-from semrl.world_model.next_state import NextStateConfig, NextStateNetwork
-from semrl.world_model.protocol import WorldModel
-from semrl.world_model.reward import RewardConfig, RewardNetwork, RewardSVM, make_reward_model
-from semrl.world_model.tree_world import TreesConfig, TreeWorld
+from typing import TYPE_CHECKING
 
-WORLD_MODELS: Registry[WorldModel] = Registry(
+from semrl.core.lazy import lazily
+from semrl.core.registry import Registry
+
+if TYPE_CHECKING:
+    from semrl.world_model.config import ModelPairConfig, NextStateConfig, RewardConfig
+    from semrl.world_model.experience import EpisodeRecord, Experience
+    from semrl.world_model.model_pair import ModelPair, roll_forward
+    from semrl.world_model.next_state import NextStateNetwork
+    from semrl.world_model.protocol import WorldModel
+    from semrl.world_model.reward import RewardNetwork, RewardSVM, make_reward_model
+    from semrl.world_model.tree_world import TreesConfig, TreeWorld
+
+WORLD_MODELS: "Registry[WorldModel]" = Registry(
     "world_models", {"networks": "semrl.world_model:ModelPair", "trees": "semrl.world_model:TreeWorld"}
 )
+
+_HOME = {
+    "EpisodeRecord": "semrl.world_model.experience",
+    "Experience": "semrl.world_model.experience",
+    "ModelPair": "semrl.world_model.model_pair",
+    "ModelPairConfig": "semrl.world_model.config",
+    "NextStateConfig": "semrl.world_model.config",
+    "NextStateNetwork": "semrl.world_model.next_state",
+    "RewardConfig": "semrl.world_model.config",
+    "RewardNetwork": "semrl.world_model.reward",
+    "RewardSVM": "semrl.world_model.reward",
+    "TreeWorld": "semrl.world_model.tree_world",
+    "TreesConfig": "semrl.world_model.tree_world",
+    "WorldModel": "semrl.world_model.protocol",
+    "make_reward_model": "semrl.world_model.reward",
+    "roll_forward": "semrl.world_model.model_pair",
+}
 
 __all__ = [
     "WORLD_MODELS",
@@ -29,3 +52,5 @@ __all__ = [
     "make_reward_model",
     "roll_forward",
 ]
+
+__getattr__, __dir__ = lazily(__name__, _HOME)

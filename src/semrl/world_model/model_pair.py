@@ -2,37 +2,16 @@
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from semrl.core import Floats, Ints, Moment, Scenarios, Trajectory, Transitions
 from semrl.core.arrays import Arrays, array_to_rng, nest, rng_to_array, unnest
-from semrl.core.errors import UsageError
+from semrl.world_model.config import ModelPairConfig
 from semrl.world_model.experience import Experience
-from semrl.world_model.next_state import NextStateConfig, NextStateNetwork
+from semrl.world_model.next_state import NextStateNetwork
 from semrl.world_model.protocol import DynamicsModel, RewardModel
-from semrl.world_model.reward import RewardConfig, make_reward_model
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ModelPairConfig:
-    """Settings of `ModelPair`; the defaults are the thesis's (§3.4.3)."""
-
-    next_state: NextStateConfig = field(default_factory=NextStateConfig)
-    """How the next state is predicted."""
-    reward: RewardConfig = field(default_factory=RewardConfig)
-    """How rewards are predicted."""
-    rehearsal_states: int = 0
-    """States of past episodes that the models rehearse, rewards in equal shares; 0: they see each episode once."""
-    rehearsal_reward_share: float = 0.0
-    """Share of what the next-state model rehearses that lies shortly before a reward: what happens there is rare."""
-
-    def __post_init__(self) -> None:
-        if self.rehearsal_states < 0:
-            raise UsageError(f"models.rehearsal_states must be 0 or more, not {self.rehearsal_states}")
-        if not 0 <= self.rehearsal_reward_share <= 1:
-            raise UsageError(f"models.rehearsal_reward_share must lie in 0 … 1, not {self.rehearsal_reward_share}")
+from semrl.world_model.reward import make_reward_model
 
 
 class ModelPair:

@@ -1,6 +1,5 @@
 """Predicting what state comes next (§3.4.3, Fig. 3.9)."""
 
-from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -8,37 +7,8 @@ from torch.nn import functional
 
 from semrl.core import Floats, Ints, Transitions
 from semrl.core.arrays import Arrays
-from semrl.core.errors import UsageError
+from semrl.world_model.config import NextStateConfig
 from semrl.world_model.network import DenseNetwork, NetworkModel, spread
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class NextStateConfig:
-    """Settings of the next-state model; the defaults are the thesis's (§3.4.3)."""
-
-    hidden_units: tuple[int, ...] = (512,)
-    """Width of each dense layer."""
-    layer_norm: bool = False
-    """Normalise each dense layer before its activation (Ba et al. 2016)."""
-    learning_rate: float = 1e-4
-    """Step size of Adam."""
-    adam_beta1: float = 0.99
-    """Adam's memory of gradients."""
-    adam_beta2: float = 0.999
-    """Adam's memory of squared gradients."""
-    batch_size: int = 64
-    """Transitions in a mini-batch."""
-    epochs: int = 100
-    """Passes over an episode after its end."""
-    predict_change: bool = False
-    """Predict what changes in place of the whole state, inputs and changes scaled as in the first episode, with the
-    squared error linear beyond 1."""
-
-    def __post_init__(self) -> None:
-        if min(*self.hidden_units, self.batch_size, self.epochs) < 1:
-            raise UsageError("next_state.hidden_units, batch_size and epochs must all be 1 or more")
-        if not (self.learning_rate > 0 and 0 <= self.adam_beta1 < 1 and 0 <= self.adam_beta2 < 1):
-            raise UsageError("next_state.learning_rate must be above 0, and adam_beta1 and adam_beta2 lie in 0 … 1")
 
 
 class NextStateNetwork(NetworkModel):

@@ -1,7 +1,6 @@
 """Predicting the sign of a reward (§3.4.3): the thesis's support vector machines, or a small network."""
 
-from dataclasses import dataclass
-from typing import Any, Literal, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,36 +9,10 @@ from torch.nn import functional
 
 from semrl.core import Floats, Ints, Transitions
 from semrl.core.arrays import Arrays
-from semrl.core.errors import UsageError
+from semrl.world_model.config import RewardConfig
 from semrl.world_model.network import DenseNetwork, NetworkModel, features
 
 SIGNS: Ints = np.array([-1, 0, 1])
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class RewardConfig:
-    """Settings of the reward model; the defaults are the thesis's (§3.4.3)."""
-
-    kind: Literal["svm", "network"] = "svm"
-    """Three linear machines, one against all, or a network."""
-    svm_lambda: float = 1e-4
-    """Weight of the margin against the hinge loss."""
-    hidden_units: tuple[int, ...] = (128,)
-    """Of the network: width of each dense layer."""
-    layer_norm: bool = False
-    """Of the network: normalise each dense layer before its activation."""
-    learning_rate: float = 1e-3
-    """Of the network: step size of Adam."""
-    batch_size: int = 64
-    """Of the network: transitions in a mini-batch."""
-    epochs: int = 1
-    """Passes over an episode after its end."""
-
-    def __post_init__(self) -> None:
-        if min(*self.hidden_units, self.batch_size, self.epochs) < 1:
-            raise UsageError("reward.hidden_units, batch_size and epochs must all be 1 or more")
-        if not (self.svm_lambda > 0 and self.learning_rate > 0):
-            raise UsageError("reward.svm_lambda and learning_rate must be above 0")
 
 
 def _signs(scores: NDArray[Any]) -> Ints:

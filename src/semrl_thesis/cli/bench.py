@@ -1,6 +1,5 @@
 """``semrl bench``: how fast a frame is elevated, stage by stage."""
 
-import json as json_format
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,8 +7,9 @@ from pathlib import Path
 from rich.table import Table
 
 from semrl.cli.arguments import parse
-from semrl.cli.progress import console, error_console
+from semrl.cli.progress import console, working
 from semrl.core.files import require_writable
+from semrl.core.strict_json import dumps
 from semrl_thesis.report.speed import write_speed
 from semrl_thesis.speed import SpeedConfig, measure_speed
 from semrl_thesis.timing import ELEVATION, EMULATOR, STACK, Speed
@@ -45,12 +45,12 @@ def main(argv: Sequence[str]) -> None:
     if arguments.html:
         require_writable(arguments.html)  # what cannot be written is told before anything is measured
     config = SpeedConfig(frames=arguments.frames, rounds=arguments.rounds, seed=arguments.seed)
-    with error_console.status("learning to see") as status:
-        speed = measure_speed(config, peers=arguments.peers, say=status.update)
+    with working("learning to see") as say:
+        speed = measure_speed(config, peers=arguments.peers, say=say)
     if arguments.html:
         write_speed(speed, arguments.html)
     if arguments.json:
-        print(json_format.dumps(_as_json(speed, arguments.html)))
+        print(dumps(_as_json(speed, arguments.html)))
         return
     console.print(_stages(speed))
     console.print(_growth(speed))

@@ -1,7 +1,6 @@
 """``semrl reproduce``: the tests, tables and figures of thesis chapter 4, ours beside the thesis's."""
 
 import dataclasses
-import json as json_format
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,8 +10,9 @@ import tyro
 from rich.table import Table
 
 from semrl.cli.arguments import parse
-from semrl.cli.progress import console, error_console
+from semrl.cli.progress import console, say
 from semrl.core.errors import SemrlError
+from semrl.core.strict_json import dumps
 from semrl.report.wording import number
 from semrl_thesis.base import Scale
 from semrl_thesis.report.reproduction import write_reproduction
@@ -57,20 +57,16 @@ def main(argv: Sequence[str]) -> None:
     arguments = parse(ReproduceArguments, argv, command="reproduce")
     out = arguments.out or Path("runs") / f"reproduce-{arguments.scale}"
     order = Order(workers=arguments.workers, order=arguments.order, only=arguments.only, afresh=arguments.afresh)
-    done = reproduce(arguments.names, scale=arguments.scale, out=out, order=order, say=_say)
+    done = reproduce(arguments.names, scale=arguments.scale, out=out, order=order, say=say)
     page = write_reproduction(done.sections, out / "report.html", scale=arguments.scale)
     if done.failures:
         name, said = next(iter(done.failures.items()))
         raise SemrlError(f"{len(done.failures)} runs failed, the first of them {name}: {said}; the rest is in {page}")
     if arguments.json:
-        print(json_format.dumps({"page": str(page), "results": [dataclasses.asdict(row) for row in done.rows]}))
+        print(dumps({"page": str(page), "results": [dataclasses.asdict(row) for row in done.rows]}))
         return
     console.print(_table(done.rows))
     console.print(f"page: {page.resolve().as_uri()}", soft_wrap=True)
-
-
-def _say(text: str) -> None:
-    error_console.print(text, soft_wrap=True, markup=False, highlight=False)
 
 
 def _table(rows: Sequence[Row]) -> Table:

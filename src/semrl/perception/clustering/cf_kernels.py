@@ -6,14 +6,13 @@ no precision.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from semrl.core.kernels import compiled
+from semrl.core.kernels import compiled, compiler
 from semrl.perception.clustering.cf_store import HEIGHT, N_LEAVES, N_NODES, NEXT_ID, ROOT, Features, Store
 
 # A sum may be taken in another order, to use vector registers; it is still the same order at every call.
-compiled_sum = njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+compiled_sum = compiler(fastmath={"reassoc", "contract"})
 
 LARGEST = 1e100  # beyond this, squares of differences would leave float64
 CHUNK = 32  # numbers compared between two looks at the bound
