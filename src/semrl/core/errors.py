@@ -17,6 +17,14 @@ class DataError(SemrlError, ValueError):
     """An array is not what a component can work with (shape, dtype, range, not finite)."""
 
 
+class NoEnvironmentError(UsageError):
+    """There is no such environment here; what a run learned in it can still be read."""
+
+
+class SemrlWarning(UserWarning):
+    """Something works but is not as a person may expect; the command line prints it as one line."""
+
+
 class MissingExtraError(UsageError, ImportError):
     """An optional dependency is not installed.
 

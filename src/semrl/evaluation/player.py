@@ -9,7 +9,7 @@ import numpy as np
 
 from semrl.agents import Agent
 from semrl.core.errors import SemrlError, UsageError
-from semrl.envs import Game, make_env, played_actions
+from semrl.envs import Game, action_meanings, make_env
 from semrl.perception.encoders import Encoder
 from semrl.planning.module import PlanningModule
 from semrl.training.config import MODELS, RunConfig
@@ -36,7 +36,7 @@ class Player:
     @property
     def action_names(self) -> tuple[str, ...]:
         """Names of the actions that it plays with, by number."""
-        return played_actions(self.new_game(0).env, self.config.environment.actions)
+        return tuple(action_meanings(self.new_game(0).env))
 
     def under(self, **conditions: Any) -> Self:
         """Return the same player, tested under other conditions: fields of `EvaluationConfig`."""
