@@ -141,6 +141,7 @@ def test_runs_that_cannot_play_are_told_apart(tmp_path, tiny):
 
 def test_checkpoints_that_do_not_fit_are_told(tmp_path, tiny, baseline_run):
     run = RunFolder.create(tmp_path / "run", tiny("semantic"))
+    run.update_manifest(environment=RunFolder.open(baseline_run).manifest()["environment"])
     (run.path / "checkpoints" / "0000000010.npz").write_bytes(
         RunFolder.open(baseline_run).checkpoints()[-1].read_bytes()
     )

@@ -37,7 +37,7 @@ class EvalArguments:
     exploration: float | None = None
     """Probability of a random action [default: what the run is configured for, 0]."""
     sticky_actions: float | None = None
-    """Probability that a frame repeats the previous action [default, and with 0: as in training]."""
+    """Probability that a frame repeats the previous action [default: as in training]."""
     at: int | None = None
     """Play as the agent was after so many decisions: one of the run's milestones [default: as it is now]."""
     video: Path | None = None

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import tyro
+from rich.markup import escape
 
 from semrl.cli.arguments import parse
 from semrl.cli.progress import console, error_console, summary
-from semrl.core.errors import UsageError
+from semrl.core.errors import MissingExtraError, NoEnvironmentError, UsageError
 from semrl.evaluation.gallery import save_gallery
 from semrl.report import write_report
 from semrl.training import RunConfig, RunFolder
@@ -52,4 +53,7 @@ def _make_gallery(folder: RunFolder) -> None:
     if not checkpoints or (gallery.exists() and gallery.stat().st_mtime >= checkpoints[-1].stat().st_mtime):
         return
     with error_console.status(f"looking at frames with the perception of {folder.path}"):
-        save_gallery(folder.path, folder.config().seed)
+        try:
+            save_gallery(folder.path, folder.config().seed)
+        except (NoEnvironmentError, MissingExtraError) as error:  # what was learned is told without frames
+            error_console.print(f"no frames of {escape(str(folder.path))}: {escape(str(error))}", soft_wrap=True)

@@ -1,5 +1,6 @@
 """How well a trained run plays: returns of greedy games from random starts."""
 
+import contextlib
 import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -14,6 +15,7 @@ from semrl.core.files import write_text
 from semrl.evaluation.player import Policy, load_player
 from semrl.training.loop import Step
 from semrl.training.session import limited_threads
+from semrl.training.world import World
 
 EVALUATION_SEED = 1_000_000
 """Added to a run's seed for its evaluation."""
@@ -39,7 +41,7 @@ class EvaluationResult:
     rewards: list[list[tuple[int, float]]]
     """Of each episode: the decisions, from 0, that brought a reward, and which."""
     conditions: dict[str, Any]
-    """Who was tested how: decisions of training, seed, and the fields of `EvaluationConfig`."""
+    """Who was tested how: decisions of training, seed, the fields of `EvaluationConfig`, and how frames were played."""
 
 
 def evaluate(
@@ -94,11 +96,13 @@ def evaluate(
         player.require_predictions(run)
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
     games: list[_Game] = []
-    with limited_threads(player.config.threads):
+    with limited_threads(player.config.threads), contextlib.closing(player.new_env()) as env:
         for episode in range(player.config.evaluation.episodes):
-            games.append(_game(player.episode(episode, seed, policy), partial(on_step, episode)))
+            games.append(_game(player.episode(episode, seed, policy, env), partial(on_step, episode)))
             on_episode(games[-1].total)
-    conditions = {"decisions": player.decisions, "seed": seed, **asdict(player.config.evaluation)}
+        world = World.of(env, player.config.environment)
+    played = {"frame_skip": world.frame_skip, "max_frames": world.max_frames, "sticky_actions": world.sticky_actions}
+    conditions = {"decisions": player.decisions, "seed": seed, **asdict(player.config.evaluation), **played}
     result = _summed_up(run, policy, games, conditions)
     path = result_path(run, policy=policy, exploration=exploration, sticky_actions=sticky_actions, at=at)
     write_text(path, json.dumps(asdict(result)) + "\n")

@@ -2,7 +2,8 @@
 
 from semrl.training.config import PRESETS, EvaluationConfig, RunConfig, preset
 from semrl.training.folder import RunFolder
-from semrl.training.session import TrainResult, build_trainer, train
+from semrl.training.parts import build_trainer
+from semrl.training.session import TrainResult, train
 
 __all__ = [
     "PRESETS",

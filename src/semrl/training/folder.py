@@ -49,9 +49,8 @@ class RunFolder:
             When there is something at this path already.
         """
         if path.exists():
-            raise UsageError(
-                f"{path} exists: go on with it (semrl train --run {path} --resume) or choose another folder"
-            )
+            further = f"go on with it ({cls(path).resuming}) or " if cls(path).resuming else ""
+            raise UsageError(f"{path} exists: {further}choose another folder")
         temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
         folder = cls(temporary)
         try:
@@ -116,6 +115,15 @@ class RunFolder:
     def update_manifest(self, **changes: Any) -> None:
         """Change some entries of the manifest."""
         self.write_manifest(self.manifest() | changes)
+
+    @property
+    def resuming(self) -> str:
+        """The command that goes on with the run; empty where its environment does not repeat itself."""
+        try:
+            repeats = self.manifest().get("environment", {}).get("repeats", True)
+        except (UsageError, AttributeError):  # damaged, which who goes on with it is told
+            repeats = True
+        return f"semrl train --run {self.path} --resume" if repeats else ""
 
     def checkpoints(self) -> list[Path]:
         """Return the checkpoints, oldest first."""
