@@ -255,6 +255,8 @@ def test_odd_worlds_are_learned_in(name, register, tiny_toml, call, tmp_path):
 @pytest.mark.parametrize("name", names_of(Refused))
 def test_what_cannot_be_learned_in_is_refused_in_one_line(name, register, tiny_toml, call, tmp_path):
     world = getattr(Refused, name)
-    told = call("train", "--run", tmp_path / "run", "--config", tiny_toml("objects", env=register(world), decisions=300))
+    told = call(
+        "train", "--run", tmp_path / "run", "--config", tiny_toml("objects", env=register(world), decisions=300)
+    )
     assert told.status == 2
     assert re.search(world.told, told.message), told.message
