@@ -12,7 +12,7 @@ from semrl.envs import Game, make_env
 from semrl.evaluation import evaluate, load_encoder, load_player
 from semrl.evaluation.scores import EVALUATION_SEED
 from semrl.training import RunFolder, train
-from semrl.training.session import build_trainer
+from semrl.training.parts import build_trainer
 
 
 def test_the_same_seed_gives_the_same_returns(semantic_run):
