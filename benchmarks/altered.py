@@ -22,7 +22,8 @@ from rich.table import Table
 
 from semrl.core.errors import UsageError
 from semrl.envs import EnvironmentConfig, Game, make_env
-from semrl.envs.environment import Env, FrameSkip, NoopStart, choose_actions
+from semrl.envs.actions import Env, choose_actions
+from semrl.envs.environment import FrameSkip, NoopStart
 from semrl.evaluation import load_player
 from semrl.evaluation.player import Player, Policy
 from semrl.evaluation.scores import EVALUATION_SEED

@@ -11,7 +11,7 @@ from semrl.core.arrays import array_to_json, json_to_array, nest, unnest
 from semrl.core.errors import SemrlError, UsageError
 from semrl.core.files import read_arrays, write_arrays
 from semrl.envs import Game, action_meanings, observation_of, rom_name
-from semrl.envs.environment import Env
+from semrl.envs.actions import Env
 from semrl.perception.encoders import ENCODERS
 from semrl.planning.module import PlanningModule, PlanRecord
 from semrl.training import RunConfig, preset

@@ -2,7 +2,7 @@
 
 from itertools import compress
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, SupportsFloat
 
 import gymnasium as gym
 import numpy as np
@@ -59,6 +59,7 @@ class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.ut
         self.encoder = load_encoder(encoder) if isinstance(encoder, str | Path) else encoder
         self.output = output
         self._previous: NDArray[np.float32] | None = None
+        self._over = False
         _check_learned(self.encoder, output)
         _check_game(self.encoder, rom_name(env))
         self._episode = self.encoder.begin()
@@ -72,9 +73,16 @@ class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.ut
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[Any], dict[str, Any]]:
         """Reset; the first difference is zero."""
-        self._previous = None
-        self._episode = self.encoder.begin()
+        self._begin()
         return super().reset(seed=seed, options=options)
+
+    def step(self, action: Any) -> tuple[NDArray[Any], SupportsFloat, bool, bool, dict[str, Any]]:
+        """Step; after the end of an episode what is below begins anew by itself (Gymnasium's ``Autoreset``)."""
+        if self._over:
+            self._begin()
+        seen, reward, terminated, truncated, info = super().step(action)
+        self._over = terminated or truncated
+        return seen, reward, terminated, truncated, info
 
     def observation(self, observation: NDArray[np.uint8]) -> NDArray[Any]:
         """Elevate one frame."""
@@ -86,6 +94,11 @@ class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.ut
         previous = current if self._previous is None else self._previous
         self._previous = current
         return np.concatenate([current, current - previous])
+
+    def _begin(self) -> None:
+        """Forget the episode before."""
+        self._previous, self._over = None, False
+        self._episode = self.encoder.begin()
 
 
 class SemanticVectorObservation(gym.vector.VectorObservationWrapper):

@@ -16,7 +16,7 @@ from semrl.core.errors import MissingExtraError, SemrlError
 from semrl.core.files import write_text
 from semrl.core.strict_json import dumps
 from semrl.envs import EnvironmentConfig, make_env, ram_features, rom_name
-from semrl.envs.environment import Env
+from semrl.envs.actions import Env
 from semrl.evaluation.scores import EVALUATION_SEED
 from semrl_thesis.ledger import deviation
 from semrl_thesis.results import digest

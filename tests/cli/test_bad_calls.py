@@ -53,7 +53,7 @@ def new_run(tmp_path, tiny):
         ("train --env PongNoFrameskip-v5 --run RUN", "did you mean PongNoFrameskip-v4?"),
         ("train --env os:Evil-v0 --run RUN", "unknown environment"),
         ("train --env semrl/FourRooms-v0 --model otsu --run RUN", "not RGB frames"),
-        ("train --env CartPole-v1 --model otsu --run RUN", "not RGB frames"),
+        ("train --env semrl/FourRooms-v0 --model otsu --run RUN", "not RGB frames"),
         ("train --env semrl/Catch-v0 --model ram --run RUN", "has no mapped RAM"),
         ("train --env semrl/Catch-v0 --model otsu --environment.actions JUMP --run RUN", "has no action JUMP"),
         ("train --config RUN/none.toml", "cannot read"),
@@ -257,7 +257,7 @@ def test_frames_that_are_no_images_are_one_line(call, tmp_path, tiny_toml, model
     if "test/Liar-v0" not in gym.registry:
         gym.register("test/Liar-v0", Liar)
     result = call("train", "--config", tiny_toml(model, env="test/Liar-v0"), "--run", tmp_path / "run")
-    assert result.status == 1 and "expected an RGB frame" in result.message
+    assert result.status == 2 and "announces frames of uint8" in result.message
 
 
 def test_too_little_memory_is_one_line(call, tmp_path, tiny_toml):

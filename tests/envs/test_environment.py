@@ -174,7 +174,7 @@ def test_an_unknown_environment_gets_a_suggestion():
         make_env("PongNoFrameskp-v4")
     with pytest.raises(UsageError, match="did you mean PongNoFrameskip-v4"):
         make_env("pong")
-    with pytest.raises(UsageError, match="unknown environment"):
+    with pytest.raises(UsageError, match="there is no module 'no/such'"):
         make_env("no/such:thing")
 
 
@@ -182,12 +182,6 @@ def test_it_can_be_filmed():
     env = make_env(render_mode="rgb_array")
     frame, _ = env.reset(seed=0)
     np.testing.assert_array_equal(env.render(), frame)
-
-
-def test_what_shows_no_frames_is_refused():
-    for env_id in ("CartPole-v1", "semrl/FourRooms-v0"):
-        with pytest.raises(UsageError, match=f"{env_id} shows .*RGB frames"):
-            make_env(env_id)
 
 
 def test_continuous_actions_are_refused():
@@ -201,7 +195,8 @@ def test_unknown_actions_are_refused():
 
 
 @pytest.mark.parametrize(
-    "settings", [{"frame_skip": 0}, {"sticky_actions": 1.5}, {"sticky_actions": -0.1}, {"max_noops": -1}]
+    "settings",
+    [{"frame_skip": 0}, {"sticky_actions": 1.5}, {"sticky_actions": -0.1}, {"max_noops": -1}, {"max_frames": -1}],
 )
 def test_impossible_settings_are_refused(settings):
     with pytest.raises(UsageError, match=next(iter(settings))):

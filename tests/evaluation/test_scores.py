@@ -14,7 +14,7 @@ from semrl.evaluation import evaluate, load_encoder, load_player
 from semrl.evaluation.scores import EVALUATION_SEED
 from semrl.training import RunFolder, train
 from semrl.training.config import write_toml
-from semrl.training.session import build_trainer
+from semrl.training.parts import build_trainer
 
 
 def test_the_same_seed_gives_the_same_returns(semantic_run):
@@ -152,6 +152,7 @@ def test_runs_that_cannot_play_are_told_apart(tmp_path, tiny):
 
 def test_checkpoints_that_do_not_fit_are_told(tmp_path, tiny, baseline_run):
     run = RunFolder.create(tmp_path / "run", tiny("semantic"))
+    run.update_manifest(environment=RunFolder.open(baseline_run).manifest()["environment"])
     (run.path / "checkpoints" / "0000000010.npz").write_bytes(
         RunFolder.open(baseline_run).checkpoints()[-1].read_bytes()
     )

@@ -73,6 +73,18 @@ def test_other_settings_are_another_run(tmp_path):
     assert ledger.score(replace(SPEC, overrides=same)) == SCORE
 
 
+@pytest.mark.parametrize(("preset", "model"), [("thesis", "ram"), ("semrl", "objects-map")])
+def test_a_setting_that_is_none_is_like_any_other(preset, model):
+    """None is the default of sticky actions: left alone it changes nothing, and what is no default is told from it."""
+
+    def settings(**environment):
+        overrides = {"environment": environment} if environment else {}
+        return settings_of(RunSpec(preset=preset, model=model, seed=0, decisions=1000, overrides=overrides).config())
+
+    assert settings() == settings(sticky_actions=None)
+    assert len({settings(), settings(sticky_actions=0.0), settings(sticky_actions=0.25)}) == 3
+
+
 def test_another_budget_is_another_run(tmp_path):
     enter(tmp_path, SCORE, EPISODES)
     assert read_ledger([tmp_path]).score(RunSpec(preset="thesis", model="ram", seed=0, decisions=2000)) is None

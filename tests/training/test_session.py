@@ -15,7 +15,7 @@ from semrl.core.errors import SemrlError, UsageError
 from semrl.training import RunFolder, train
 from semrl.training.config import write_toml
 from semrl.training.metrics import read_metrics
-from semrl.training.session import build_trainer
+from semrl.training.parts import Parts, build_trainer
 
 
 class AtDecision:
@@ -239,7 +239,8 @@ def test_a_finished_run_keeps_what_play_map_and_world_model_need(request, name):
     assert len(folder.checkpoints()) == 1
     kept = folder.load()
     trainer = build_trainer(folder.config())
-    trainer.load_inference(kept.arrays)
+    parts = Parts(encoder=trainer.encoder, agent=trainer.agent, planning=trainer.planning)
+    parts.load_inference(kept.arrays)
     assert kept.playable == trainer.inference_arrays().keys()
     assert kept.arrays.keys() == kept.playable | trainer.memory_arrays().keys()
     assert digest({name: kept.arrays[name] for name in kept.playable}) == hashes(folder.path)["weights"]

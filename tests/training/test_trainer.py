@@ -18,6 +18,7 @@ from semrl.perception.tracking import RolesConfig
 from semrl.planning.module import PlanningConfig, PlanningModule
 from semrl.planning.scenario_planner import ScenarioPlannerConfig
 from semrl.training.loop import EpisodeView, play
+from semrl.training.parts import Parts
 from semrl.training.trainer import Trainer
 from semrl.world_model import TreesConfig
 
@@ -308,7 +309,8 @@ def test_of_what_is_kept_for_play_a_player_plays_the_same():
     assert not any("replay" in name or "experience" in name for name in kept)
     assert any("experience" in name for name in memory) and all(name.startswith("planning/") for name in memory)
     player = new_trainer("tracked_scene", seed=9, planning=True, stored=60)
-    player.load_inference({name: array.copy() for name, array in kept.items()})
+    parts = Parts(encoder=player.encoder, agent=player.agent, planning=player.planning)
+    parts.load_inference({name: array.copy() for name, array in kept.items()})
     games = [Game(make_env("semrl/Catch-v0"), 7) for _ in range(2)]
     episodes = []
     for trainer, game in zip((learned, player), games, strict=True):

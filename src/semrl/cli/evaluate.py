@@ -37,7 +37,7 @@ class EvalArguments:
     exploration: float | None = None
     """Probability of a random action [default: what the run is configured for, 0]."""
     sticky_actions: float | None = None
-    """Probability that a frame repeats the previous action [default, and with 0: as in training]."""
+    """Probability that a frame repeats the previous action [default: as in training]."""
     max_decisions: int | None = None
     """Decisions after which an episode is cut [default: what the run is configured for, 27000]."""
     at: int | None = None

@@ -47,7 +47,7 @@ class ExplainArguments:
     exploration: float | None = None
     """Probability of a random action [default: what the run is configured for, 0]."""
     sticky_actions: float | None = None
-    """Probability that a frame repeats the previous action [default, and with 0: as in training]."""
+    """Probability that a frame repeats the previous action [default: as in training]."""
     at: int | None = None
     """Play as the run was after so many decisions: one of its milestones [default: as it is now]."""
     html: Path | None = None

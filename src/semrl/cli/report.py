@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import tyro
+from rich.markup import escape
 
 from semrl.cli.arguments import parse
 from semrl.cli.progress import error_console, show_summary
-from semrl.core.errors import SemrlWarning, UsageError
+from semrl.core.errors import MissingExtraError, NoEnvironmentError, SemrlWarning, UsageError
 from semrl.core.files import require_writable
 from semrl.core.strict_json import dumps
 from semrl.evaluation.gallery import save_gallery
@@ -60,4 +61,7 @@ def _make_gallery(folder: RunFolder) -> None:
         warnings.warn(f"{error}; the page shows no frames of this run", SemrlWarning, stacklevel=2)
         return
     with error_console.status(f"looking at frames with the perception of {folder.path}"):
-        save_gallery(folder.path, folder.config().seed)
+        try:
+            save_gallery(folder.path, folder.config().seed)
+        except (NoEnvironmentError, MissingExtraError) as error:  # what was learned is told without frames
+            error_console.print(f"no frames of {escape(str(folder.path))}: {escape(str(error))}", soft_wrap=True)

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import tyro
 
 from semrl.cli.arguments import parse
+from semrl.cli.notes import notes_in_one_line
 from semrl.cli.progress import TrainingProgress, show_summary
 from semrl.core.errors import UsageError
 from semrl.core.strict_json import dumps
@@ -48,7 +49,7 @@ def main(argv: Sequence[str]) -> None:
         path = _checked_resume(arguments, argv)
     config = None if arguments.resume else arguments.config
     shown = RunFolder.open(path).config() if config is None else config
-    with TrainingProgress(shown, path) as progress:
+    with notes_in_one_line(), TrainingProgress(shown, path) as progress:
         observers: list[Observer] = [progress]
         if arguments.tensorboard:
             from semrl.cli.tensorboard import TensorBoard

@@ -15,8 +15,12 @@ class DataError(SemrlError, ValueError):
     """An array is not what a component can work with (shape, dtype, range, not finite)."""
 
 
+class NoEnvironmentError(UsageError):
+    """There is no such environment here; what a run learned in it can still be read."""
+
+
 class SemrlWarning(UserWarning):
-    """Something goes on otherwise than it should; the command line prints it as one line and goes on."""
+    """Something works but is not as a person may expect; the command line prints it as one line."""
 
 
 class MissingExtraError(UsageError, ImportError):

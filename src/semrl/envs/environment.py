@@ -1,23 +1,20 @@
-"""Environments (§3.1): any Gymnasium environment that shows RGB frames, Atari games first."""
+"""Environments (§3.1): whatever Gymnasium can make and show, Atari games first."""
 
-import difflib
-from collections.abc import Sequence
-from dataclasses import dataclass
+import contextlib
+from collections import deque
+from dataclasses import dataclass, replace
 from typing import Any
 
 import ale_py
 import gymnasium as gym
 import numpy as np
-from gymnasium.wrappers import StickyAction, TransformAction
+from gymnasium.wrappers import StickyAction
 
 from semrl.core.errors import UsageError
-from semrl.envs.ram import GAMES
-from semrl.envs.worlds import register_worlds
-
-Env = gym.Env[Any, Any]
-
-NOOP = "NOOP"
-"""Name of the action that waits."""
+from semrl.envs.actions import NOOP, Env, action_meanings, choose_actions, discrete, title
+from semrl.envs.flicker import Flicker, flicker, needed_frames, watch
+from semrl.envs.making import find_spec, is_atari, make_seen
+from semrl.envs.pictures import as_rgb
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,40 +22,61 @@ class EnvironmentConfig:
     """How a game is played."""
 
     frame_skip: int = 4
-    """Emulator frames for which each chosen action is held (§3.2.1)."""
+    """Emulator frames for which each chosen action is held (§3.2.1); replaces a skip that the id itself asks for."""
     actions: tuple[str, ...] = ()
     """Names of the actions the agent may take; empty: RIGHT and LEFT in Pong (§3.1), else all the game offers."""
-    sticky_actions: float = 0.0
-    """Probability that a frame repeats the previous action (Machado et al. 2018)."""
+    sticky_actions: float | None = None
+    """Probability that a frame repeats the previous action (Machado et al. 2018); None: as the id says."""
+    max_frames: int = 1
+    """Show the pixel-wise maximum over the last so many frames of a skip, for sprites that blink; 1: the last frame
+    (§3.2.1); 0: as many as it takes, found out by random play when the environment is made."""
     max_noops: int = 0
     """At most so many random no-op decisions at the start of an episode, in games that have an action for it."""
 
     def __post_init__(self) -> None:
         if self.frame_skip < 1:
             raise UsageError(f"frame_skip must be 1 or more, not {self.frame_skip}")
-        if not 0 <= self.sticky_actions <= 1:
+        if self.sticky_actions is not None and not 0 <= self.sticky_actions <= 1:
             raise UsageError(f"sticky_actions must lie between 0 and 1, not {self.sticky_actions}")
+        if self.max_frames < 0:
+            raise UsageError(f"max_frames must be 0 or more, not {self.max_frames}")
         if self.max_noops < 0:
             raise UsageError(f"max_noops must be 0 or more, not {self.max_noops}")
 
 
-class FrameSkip(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs):
-    """Hold each action for a number of frames and sum the rewards; for games that cannot do it themselves."""
+_WATCHED: dict[tuple[str, str, str, int] | None, tuple[Flicker, ...]] = {}
 
-    def __init__(self, env: Env, frames: int) -> None:
-        gym.utils.RecordConstructorArgs.__init__(self, frames=frames)
+
+class FrameSkip(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs):
+    """Hold each action for a number of frames and sum the rewards; show the brightest of the last few frames.
+
+    Parameters
+    ----------
+    env
+        Shows images.
+    frames
+        For which an action is held.
+    max_frames
+        Of these, so many at the end are shown, by their pixel-wise maximum.
+    """
+
+    def __init__(self, env: Env, frames: int, max_frames: int = 1) -> None:
+        gym.utils.RecordConstructorArgs.__init__(self, frames=frames, max_frames=max_frames)
         super().__init__(env)
         self.frames = frames
+        self.max_frames = max_frames
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Repeat the action; see `gymnasium.Env.step`."""
-        total = 0.0
+        total, last = 0.0, deque[Any](maxlen=self.max_frames)
         for _ in range(self.frames):
             observation, reward, terminated, truncated, info = self.env.step(action)
+            last.append(observation)
             total += float(reward)
             if terminated or truncated:
                 break
-        return observation, total, terminated, truncated, info
+        shown = observation if len(last) == 1 else np.maximum.reduce(list(last))
+        return shown, total, terminated, truncated, info
 
 
 class NoopStart(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs):
@@ -68,7 +86,7 @@ class NoopStart(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs
         gym.utils.RecordConstructorArgs.__init__(self, max_noops=max_noops)
         super().__init__(env)
         self.max_noops = max_noops
-        self.noop = action_meanings(env).index(NOOP)
+        self.noop = int(getattr(env.action_space, "start", 0)) + action_meanings(env).index(NOOP)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Reset and wait; the number of no-ops follows from the seed."""
@@ -80,34 +98,18 @@ class NoopStart(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs
         return observation, info
 
 
-def action_meanings(env: Env) -> list[str]:
-    """Return the names of an environment's actions; their numbers where it has no names."""
-    if hasattr(env.unwrapped, "get_action_meanings"):
-        return list(env.unwrapped.get_action_meanings())
-    return [str(i) for i in range(env.action_space.n)]  # type: ignore[attr-defined]
-
-
-def played_actions(env: Env, names: Sequence[str] = ()) -> tuple[str, ...]:
-    """Return the names of the actions that are played: those that are named, else what is known to be enough."""
-    rom = rom_name(env)
-    return tuple(names or (GAMES[rom].actions if rom in GAMES else action_meanings(env)))
-
-
-def rom_name(env: Env) -> str | None:
-    """Return the name of an Atari game's ROM, such as ``"pong"``; None for other environments."""
-    game = (env.spec.kwargs if env.spec else {}).get("game")
-    return str(game) if game and hasattr(env.unwrapped, "ale") else None
-
-
 def make_env(
-    env_id: str = "PongNoFrameskip-v4", config: EnvironmentConfig | None = None, *, render_mode: str | None = None
+    env: str | Env = "PongNoFrameskip-v4", config: EnvironmentConfig | None = None, *, render_mode: str | None = None
 ) -> Env:
-    """Make a ready-to-play environment: frame skip, no-op starts, sticky actions, chosen actions.
+    """Make a ready-to-play environment: RGB frames, frame skip, no-op starts, sticky actions, chosen actions.
 
     Parameters
     ----------
-    env_id
-        A registered Gymnasium environment whose observations are RGB frames.
+    env
+        What `gymnasium.make` takes, an id or ``module:Id-v0``, or an environment that was made. What it shows may be
+        RGB frames, grey images, or a dictionary with one image; what shows none but can be rendered is seen rendered.
+        Of an environment that was made, one step counts as one frame.
+        Its actions may be ``Discrete``, ``MultiDiscrete`` or ``MultiBinary``; the agent's count from 0.
     config
         How it is played; the default is the thesis's.
     render_mode
@@ -116,77 +118,97 @@ def make_env(
     Raises
     ------
     UsageError
-        When the environment or an action is unknown, frames are no RGB images or actions not discrete.
+        When the environment or an action is unknown, there is nothing to be seen or actions are not discrete.
     """
     config = config or EnvironmentConfig()
-    env = _make_base(env_id, config, render_mode)
-    _check_spaces(env_id, env)
+    # Silenced here, since an instance may be one of the emulator's, too.
+    ale_py.ALEInterface.setLoggerMode(ale_py.LoggerMode.Error)
+    if config.max_frames == 0:
+        config = replace(config, max_frames=_needed_frames(env, config))
+    if not isinstance(env, str):
+        return _ready(env, config, skips=False)
+    spec = find_spec(env)
+    # The emulator skips frames and repeats actions itself, several times faster than a wrapper.
+    skips = is_atari(spec) and config.max_frames == 1
+    made = make_seen(spec, render_mode, **(_emulated(config, skips=skips) if is_atari(spec) else {}))
+    try:
+        return _ready(made, config, skips=skips)
+    except UsageError:
+        made.close()
+        raise
+
+
+def max_frames(env: Env) -> int:
+    """Return over how many frames of a skip this environment shows the maximum."""
+    layer = env
+    while isinstance(layer, gym.Wrapper):
+        if isinstance(layer, FrameSkip):
+            return min(layer.max_frames, layer.frames)
+        layer = layer.env
+    return 1
+
+
+def blinking(env: Env, skip: int) -> float:
+    """Return the share of what is lit that blinks and is not shown; the environment is to be reset afterwards."""
+    return _watched(env, skip)[min(max_frames(env), skip) - 1].blinking if skip > 1 else 0.0
+
+
+def sticky_actions(env: Env) -> float:
+    """Return the probability with which a frame of this environment repeats the previous action."""
+    layer = env
+    while isinstance(layer, gym.Wrapper):
+        if isinstance(layer, StickyAction):
+            return float(layer.repeat_action_probability)
+        layer = layer.env
+    if not hasattr(layer, "ale"):
+        return 0.0
+    return round(float(layer.ale.getFloat("repeat_action_probability")), 6)  # the emulator keeps 32 bits
+
+
+def _needed_frames(env: str | Env, config: EnvironmentConfig) -> int:
+    """Return over how many frames of a skip the maximum must go, as random play shows."""
+    if config.frame_skip == 1:
+        return 1
+    if not isinstance(env, str):
+        return needed_frames(_watched(_ready(env, replace(config, max_frames=1), skips=False), config.frame_skip))
+    with contextlib.closing(make_env(env, EnvironmentConfig(frame_skip=config.frame_skip))) as made:
+        return needed_frames(_watched(made, config.frame_skip))
+
+
+def _watched(env: Env, skip: int) -> tuple[Flicker, ...]:
+    """Look at every frame of random play; in a process, once for an id."""
+    spec = env.spec
+    key = (spec.id, repr(spec.entry_point), repr(spec.kwargs.get("game")), skip) if spec else None
+    if key in _WATCHED:
+        return _WATCHED[key]
+    layer = env
+    while not isinstance(layer, FrameSkip) and isinstance(layer, gym.Wrapper):
+        layer = layer.env
+    measured = flicker(watch(layer.env if isinstance(layer, FrameSkip) else env, skip, seed=0))
+    if key:
+        _WATCHED[key] = measured
+    return measured
+
+
+def _emulated(config: EnvironmentConfig, *, skips: bool) -> dict[str, Any]:
+    """Return what the emulator is told."""
+    settings: dict[str, Any] = {"frameskip": config.frame_skip if skips else 1}
+    if config.sticky_actions is not None:
+        settings["repeat_action_probability"] = config.sticky_actions
+    return settings
+
+
+def _ready(env: Env, config: EnvironmentConfig, *, skips: bool) -> Env:
+    """Add to an environment what it does not do itself."""
+    env = as_rgb(env)
+    own, wanted = sticky_actions(env), config.sticky_actions
+    if wanted is not None and wanted != own:
+        if own:
+            raise UsageError(f"{title(env)} has sticky actions of its own, {own:g}, which cannot be made {wanted:g}")
+        env = StickyAction(env, wanted)
+    if not skips and config.frame_skip > 1:
+        env = FrameSkip(env, config.frame_skip, config.max_frames)
+    env = discrete(env)
     if config.max_noops and NOOP in action_meanings(env):
         env = NoopStart(env, config.max_noops)
     return choose_actions(env, config.actions)
-
-
-def _make_base(env_id: str, config: EnvironmentConfig, render_mode: str | None) -> Env:
-    """Make the environment with its frame skip and sticky actions."""
-    # Not every environment knows the word.
-    rendered: dict[str, Any] = {} if render_mode is None else {"render_mode": render_mode}
-    ale_py.ALEInterface.setLoggerMode(ale_py.LoggerMode.Error)
-    gym.register_envs(ale_py)
-    register_worlds()
-    try:
-        spec = gym.spec(env_id)
-    except gym.error.Error:
-        close = _similar(env_id)
-        hint = f"; did you mean {close}?" if close else ""
-        raise UsageError(f"unknown environment '{env_id}'{hint}") from None
-    try:
-        if str(spec.entry_point).startswith("ale_py"):
-            # The emulator skips frames and repeats actions itself, several times faster than a wrapper.
-            return gym.make(
-                env_id,
-                frameskip=config.frame_skip,
-                repeat_action_probability=config.sticky_actions,
-                disable_env_checker=True,
-                **rendered,
-            )
-        env = gym.make(env_id, disable_env_checker=True, **rendered)
-    except (gym.error.Error, ImportError) as error:
-        raise UsageError(f"cannot make environment '{env_id}': {str(error).splitlines()[0]}") from None
-    if config.sticky_actions:
-        env = StickyAction(env, config.sticky_actions)
-    return FrameSkip(env, config.frame_skip) if config.frame_skip > 1 else env
-
-
-def _similar(env_id: str) -> str | None:
-    """Return the environment that was likely meant, whatever the case; of an Atari game's name alone, the usual one."""
-    known = {name.lower(): name for name in gym.registry}
-    close = difflib.get_close_matches(env_id.lower(), known, n=1)
-    return known.get(f"{env_id.lower()}noframeskip-v4") or (known[close[0]] if close else None)
-
-
-def _check_spaces(env_id: str, env: Env) -> None:
-    space = env.observation_space
-    if not (
-        isinstance(space, gym.spaces.Box) and space.dtype == np.uint8 and len(space.shape) == 3 and space.shape[2] == 3
-    ):
-        raise UsageError(f"{env_id} shows {space}, not RGB frames (height, width, 3) of uint8")
-    if not isinstance(env.action_space, gym.spaces.Discrete):
-        raise UsageError(f"{env_id} has actions {env.action_space}; only discrete ones can be learned")
-
-
-def choose_actions(env: Env, names: Sequence[str] = ()) -> Env:
-    """Keep only the named actions, or what is known to be enough, renumbered from 0.
-
-    Raises
-    ------
-    UsageError
-        When there is no such action.
-    """
-    meanings = action_meanings(env)
-    names = played_actions(env, names)
-    unknown = [name for name in names if name not in meanings]
-    if unknown:
-        game = env.spec.id if env.spec else env
-        raise UsageError(f"{game} has no action {', '.join(unknown)}; it has {', '.join(meanings)}")
-    chosen = [meanings.index(name) for name in names]
-    return TransformAction(env, lambda action: chosen[int(action)], gym.spaces.Discrete(len(chosen)))

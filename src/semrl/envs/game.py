@@ -9,7 +9,7 @@ import numpy as np
 from semrl.core import Frame, Ints, Observation, Outcome
 from semrl.core.arrays import Arrays, array_to_rng, rng_to_array
 from semrl.core.errors import SemrlError
-from semrl.envs.environment import Env
+from semrl.envs.actions import Env
 
 LARGEST_REWARD = 1e18
 """Its square is still a number of float32, in which networks learn."""

@@ -1,5 +1,6 @@
 """Explaining a decision: an evaluation episode is played up to it, and what the run thought there is written down."""
 
+import contextlib
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -62,8 +63,8 @@ def explain(
     player = load_player(run, at).under(**conditions)
     player.require_predictions(run)
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
-    with limited_threads(player.config.threads):
-        steps = player.episode(episode, seed, policy)
+    episodes = contextlib.closing(player.episode(episode, seed, policy))
+    with limited_threads(player.config.threads), episodes as steps:
         played = _played(player, steps, step, f"episode {episode} of {run}")
         return _laid_open(player, played, run=str(run), policy=policy, seed=seed, episode=episode, step=step)
 

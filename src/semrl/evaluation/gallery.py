@@ -1,5 +1,6 @@
 """The gallery of a run: arrays that hold all a report shows of its perception."""
 
+import contextlib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -47,8 +48,8 @@ def save_gallery(run: Path, seed: int) -> Path:
     counts: Counter[int] = Counter()
     samples: list[_Sample] = []
     best = -1.0
-    with limited_threads(player.config.threads):
-        for i, sample in enumerate(_wander(player.new_game(seed), player.encoder, rng)):
+    with limited_threads(player.config.threads), contextlib.closing(player.new_env()) as env:
+        for i, sample in enumerate(_wander(Game(env, seed), player.encoder, rng)):
             sight = sample.sight
             counts.update(sight.classes.tolist())
             richness = len(np.unique(sight.classes)) + len(sight.boxes_px) / 1000

@@ -1,7 +1,8 @@
 """A trained agent that plays, with the perception and the map it was trained with, without learning."""
 
+import contextlib
 import itertools
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -11,14 +12,16 @@ import numpy as np
 from semrl.agents import Agent
 from semrl.agents.devices import is_there
 from semrl.core.errors import SemrlError, UsageError
-from semrl.envs import Game, make_env, played_actions
+from semrl.envs import Game, make_env
+from semrl.envs.actions import Env
 from semrl.evaluation.graph import empty_map, no_map
 from semrl.perception.encoders import Encoder
 from semrl.planning.module import PlanningModule
 from semrl.training.config import RunConfig
 from semrl.training.folder import RunFolder
 from semrl.training.loop import EpisodeView, Step, play
-from semrl.training.session import build_trainer
+from semrl.training.parts import build_parts
+from semrl.training.world import World, read_world
 
 Policy = Literal["agent", "planner"]
 """Who decides: the agent, or the planner's best scenario alone (§4.3)."""
@@ -33,30 +36,44 @@ class Player:
     agent: Agent
     planning: PlanningModule | None
     decisions: int
+    world: World
+    """What the run has noted of its environment."""
     perceiving: bool
     """Whether perception was still being learned at this checkpoint."""
 
     @property
     def action_names(self) -> tuple[str, ...]:
         """Names of the actions that it plays with, by number."""
-        return played_actions(self.new_game(0).env, self.config.environment.actions)
+        return self.world.actions
 
     def under(self, **conditions: Any) -> Self:
         """Return the same player, tested under other conditions: fields of `EvaluationConfig`."""
         tested = replace(self.config.evaluation, **conditions)
         return replace(self, config=replace(self.config, evaluation=tested))
 
-    def new_game(self, seed: int) -> Game:
-        """Make the game that it was trained on, begun and played as evaluation wants it."""
+    def new_env(self) -> Env:
+        """Make the environment that it was trained on, begun and played as evaluation wants it; close it after use."""
         tested, environment = self.config.evaluation, self.config.environment
-        sticky = tested.sticky_actions or environment.sticky_actions
-        environment = replace(environment, max_noops=tested.max_noops, sticky_actions=sticky)
-        return Game(make_env(self.config.env, environment), seed)
+        sticky = environment.sticky_actions if tested.sticky_actions is None else tested.sticky_actions
+        played = replace(
+            environment, max_noops=tested.max_noops, sticky_actions=sticky, max_frames=self.world.max_frames
+        )
+        return make_env(self.config.env, played)
 
-    def episode(self, number: int, seed: int, policy: Policy = "agent") -> Iterator[Step]:
-        """Play one of the episodes of an evaluation: the same one for the same number and seed."""
+    def new_game(self, seed: int) -> Game:
+        """Make a game of its own in such an environment."""
+        return Game(self.new_env(), seed)
+
+    def episode(
+        self, number: int, seed: int, policy: Policy = "agent", env: Env | None = None
+    ) -> Generator[Step, None, None]:
+        """Play one of the episodes of an evaluation: the same one for the same number and seed.
+
+        Without `env`, one of `new_env`, the episode has an environment of its own, which is closed at its end.
+        """
         rng = np.random.default_rng([seed, number])
-        return self.play(self.new_game(int(rng.integers(2**31))), rng, policy)
+        with contextlib.nullcontext(env) if env else contextlib.closing(self.new_env()) as world:
+            yield from self.play(Game(world, int(rng.integers(2**31))), rng, policy)
 
     def play(self, game: Game, rng: np.random.Generator, policy: Policy = "agent") -> Iterator[Step]:
         """Play one episode and yield every step of it, beginning with the first observation.
@@ -133,16 +150,18 @@ def load_player(run: str | Path, at: int | None = None, *, memory: bool = False)
     checkpoint = folder.newest(at, play_only=True, memory=memory)
     device = config.device if is_there(config.device) else "auto"  # what a GPU has learned plays without one as well
     dqn = replace(config.dqn, replay_capacity=config.dqn.n_steps + 1)
-    trainer = build_trainer(replace(config, device=device, dqn=dqn))
+    world = read_world(folder.manifest(), run)
+    parts = build_parts(replace(config, device=device, dqn=dqn), world)
     try:
-        trainer.load_inference(checkpoint.arrays)
+        parts.load_inference(checkpoint.arrays)
     except (KeyError, ValueError, TypeError, RuntimeError) as error:
         raise SemrlError(f"the checkpoint of {run} does not fit its configuration ({error})") from error
     return Player(
         config=config,
-        encoder=trainer.encoder,
-        agent=trainer.agent,
-        planning=trainer.planning,
+        encoder=parts.encoder,
+        agent=parts.agent,
+        planning=parts.planning,
         decisions=int(checkpoint.arrays["decisions"]),
+        world=world,
         perceiving=bool(checkpoint.arrays["perceiving"]),
     )

@@ -1,5 +1,6 @@
 """How well a run's model of the world foresees play that it has not seen (§4.2)."""
 
+import contextlib
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -99,8 +100,8 @@ def foresight(
     warn_unwritable(path)
     facts: Spans = {horizon: [] for horizon in HORIZONS}
     confusion = np.zeros((3, 3), np.int64)
-    with limited_threads(player.config.threads):
-        for steps in _episodes(partial(player.episode, seed=seed, policy=policy), decisions, on_step):
+    with limited_threads(player.config.threads), contextlib.closing(player.new_env()) as env:
+        for steps in _episodes(partial(player.episode, seed=seed, policy=policy, env=env), decisions, on_step):
             _compare(world, steps, facts, confusion)
         vectors: Spans = _embedded(player.encoder, facts) if isinstance(player.encoder, TrackedSceneEncoder) else {}
     conditions = {"learned_from": player.decisions, "seed": seed, "policy": policy, "exploration": PROBING}

@@ -1,5 +1,6 @@
 """How well a trained run plays: returns of greedy games from random starts."""
 
+import contextlib
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -15,6 +16,7 @@ from semrl.evaluation.player import Policy, load_player
 from semrl.training.config import EvaluationConfig
 from semrl.training.loop import Step
 from semrl.training.session import limited_threads
+from semrl.training.world import World
 
 EVALUATION_SEED = 1_000_000
 """Added to a run's seed for its evaluation."""
@@ -40,7 +42,8 @@ class EvaluationResult:
     rewards: list[list[tuple[int, float]]]
     """Of each episode: the decisions, from 0, that brought a reward, and which."""
     conditions: dict[str, Any]
-    """Who was tested how: decisions of training, seed, fields of `EvaluationConfig`, and which episodes were cut."""
+    """Who was tested how: decisions of training, seed, fields of `EvaluationConfig`, how frames were played, and which
+    episodes were cut."""
 
 
 def evaluate(
@@ -99,14 +102,18 @@ def evaluate(
     path = result_path(run, policy=policy, exploration=exploration, sticky_actions=sticky_actions, at=at)
     warn_unwritable(path)
     games: list[_Game] = []
-    with limited_threads(player.config.threads):
+    with limited_threads(player.config.threads), contextlib.closing(player.new_env()) as env:
         for episode in range(player.config.evaluation.episodes):
-            games.append(_game(player.episode(episode, seed, policy), partial(on_step, episode)))
+            games.append(_game(player.episode(episode, seed, policy, env), partial(on_step, episode)))
             on_episode(games[-1].total)
+        world = World.of(env, player.config.environment)
     cut = [number for number, game in enumerate(games) if game.is_cut]
     if cut:
         _warn_of_cuts(cut, player.config.evaluation)
-    conditions = {"decisions": player.decisions, "seed": seed, **asdict(player.config.evaluation), "cut": cut}
+    played = {"frame_skip": world.frame_skip, "max_frames": world.max_frames, "sticky_actions": world.sticky_actions}
+    conditions = {
+        "decisions": player.decisions, "seed": seed, **asdict(player.config.evaluation), **played, "cut": cut,
+    }  # fmt: skip
     result = _summed_up(run, policy, games, conditions)
     keep_result(path, asdict(result))
     return result

@@ -7,7 +7,8 @@ from semrl.core.lazy import lazily
 if TYPE_CHECKING:
     from semrl.training.config import PRESETS, EvaluationConfig, RunConfig, preset
     from semrl.training.folder import RunFolder
-    from semrl.training.session import TrainResult, build_trainer, train
+    from semrl.training.parts import build_trainer
+    from semrl.training.session import TrainResult, train
 
 _HOME = {
     "PRESETS": "semrl.training.config",
@@ -15,7 +16,7 @@ _HOME = {
     "RunConfig": "semrl.training.config",
     "RunFolder": "semrl.training.folder",
     "TrainResult": "semrl.training.session",
-    "build_trainer": "semrl.training.session",
+    "build_trainer": "semrl.training.parts",
     "preset": "semrl.training.config",
     "train": "semrl.training.session",
 }

@@ -57,8 +57,8 @@ class EvaluationConfig:
     """At most so many random no-op decisions at the start of an episode, in games that have an action for it."""
     exploration: float = 0.0
     """Probability of a random action; 0: the agent always does what it values most."""
-    sticky_actions: float = 0.0
-    """Probability that a frame repeats the previous action (Machado et al. 2018); 0: as in training."""
+    sticky_actions: float | None = None
+    """Probability that a frame repeats the previous action (Machado et al. 2018); None: as in training."""
     max_decisions: int = 27_000
     """Decisions after which an episode is cut: 108,000 frames at frame skip 4, as is usual for Atari games."""
 
@@ -71,7 +71,7 @@ class EvaluationConfig:
         if self.max_decisions < 1:
             raise UsageError(f"evaluation.max_decisions must be 1 or more, not {self.max_decisions}")
         for name in ("exploration", "sticky_actions"):
-            if not 0 <= getattr(self, name) <= 1:
+            if not 0 <= (getattr(self, name) or 0) <= 1:
                 raise UsageError(f"evaluation.{name} is a probability from 0 to 1, not {getattr(self, name)}")
 
 
@@ -89,7 +89,7 @@ class RunConfig:
     device: Device = "auto"
     """Where its networks compute: auto takes a GPU where there is one."""
     env: str = "PongNoFrameskip-v4"
-    """Gymnasium environment whose observations are RGB frames."""
+    """Environment as `gymnasium.make` takes it: an id, or module:Id-v0."""
     decisions: int = 2_000_000
     """Budget in decisions, perception included; one decision takes environment.frame-skip emulator frames."""
     seed: int = 0
@@ -218,8 +218,16 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def write_toml(config: RunConfig) -> str:
-    """Return the configuration as TOML text."""
-    return tomli_w.dumps(to_dict(config))
+    """Return the configuration as TOML text; what is None is left out, which TOML has no word for."""
+    return tomli_w.dumps(_without_none(to_dict(config)))
+
+
+def _without_none(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        key: _without_none(value) if isinstance(value, Mapping) else value
+        for key, value in values.items()
+        if value is not None
+    }
 
 
 def merge(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:

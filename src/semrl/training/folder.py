@@ -55,7 +55,8 @@ class RunFolder:
         from semrl.training.config import write_toml
 
         if path.exists():
-            raise UsageError(f"{path} exists: go on with it ({cls(path).resuming}) or choose another folder")
+            further = f"go on with it ({cls(path).resuming}) or " if cls(path).resuming else ""
+            raise UsageError(f"{path} exists: {further}choose another folder")
         temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
         folder = cls(temporary)
         try:
@@ -127,6 +128,15 @@ class RunFolder:
     def update_manifest(self, **changes: Any) -> None:
         """Change some entries of the manifest."""
         self.write_manifest(self.manifest() | changes)
+
+    @property
+    def resuming(self) -> str:
+        """The command that goes on with the run, as a shell takes it; empty where its world does not repeat itself."""
+        try:
+            repeats = self.manifest().get("environment", {}).get("repeats", True)
+        except (UsageError, AttributeError):  # damaged, which who goes on with it is told
+            repeats = True
+        return f"semrl train --run {shlex.quote(str(self.path))} --resume" if repeats else ""
 
     def checkpoints(self) -> list[Path]:
         """Return the checkpoints, oldest first."""
@@ -200,11 +210,6 @@ class RunFolder:
         if checkpoint is None:
             raise UsageError(f"{self.path} has no checkpoint yet; go on with: {self.resuming}")
         return checkpoint
-
-    @property
-    def resuming(self) -> str:
-        """The command that goes on with this run, as a shell takes it."""
-        return f"semrl train --run {shlex.quote(str(self.path))} --resume"
 
     def _milestone(self, at: int) -> Path:
         kept = self.milestones()

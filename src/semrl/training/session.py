@@ -3,8 +3,9 @@
 import contextlib
 import signal
 import time
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import FrameType
@@ -15,19 +16,21 @@ import numpy as np
 import torch
 from threadpoolctl import threadpool_limits
 
-from semrl.agents import AGENTS
 from semrl.core.arrays import Arrays, digest, unnest
-from semrl.core.errors import SemrlError, UsageError
+from semrl.core.errors import SemrlError, SemrlWarning, UsageError
 from semrl.core.signals import handling
-from semrl.envs import Game, make_env, rom_name
-from semrl.perception.encoders import ENCODERS
-from semrl.perception.pretraining.schedule import PretrainingSchedule
-from semrl.planning.module import PlanningModule
+from semrl.envs import make_env
+from semrl.envs.actions import Env
+from semrl.envs.environment import blinking
+from semrl.envs.flicker import BLINKING
+from semrl.envs.repeating import repeats_itself
 from semrl.training.config import RunConfig
 from semrl.training.folder import Checkpoint, RunFolder
 from semrl.training.metrics import MetricsFile
+from semrl.training.parts import build_trainer
 from semrl.training.progress_lines import TrainingLines, append_line
 from semrl.training.trainer import Observer, Row, Trainer
+from semrl.training.world import World, read_world
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +49,7 @@ class TrainResult:
 
 
 def train(path: str | Path, config: RunConfig | None = None, *, observers: Sequence[Observer] = ()) -> TrainResult:
-    """Train a run to the end of its budget.
+    """Train a run to the end of its budget; a finished run only tells its result, unless what it learned is gone.
 
     Parameters
     ----------
@@ -66,48 +69,22 @@ def train(path: str | Path, config: RunConfig | None = None, *, observers: Seque
         When training fails or is stopped by SIGINT or SIGTERM; the last good checkpoint is kept.
     """
     path = Path(path)
-    if config is not None:
-        build_trainer(config)  # what cannot work is told before anything is written
-        folder = RunFolder.create(path, config)
-    else:
-        folder = RunFolder.open(path)
-        config = folder.config()
-    with limited_threads(config.threads):
-        return _Session(folder, config, observers).run()
-
-
-def build_trainer(config: RunConfig, observers: Sequence[Observer] = ()) -> Trainer:
-    """Make all parts of a run and wire them."""
-    env = make_env(config.env, config.environment)
-    seeds = [int(seed) for seed in np.random.SeedSequence(config.seed).generate_state(4)]
-    game = Game(env, seeds[0])
-    encoder = ENCODERS.load(config.encoder_name)(config.perception, rom=rom_name(env), planning=config.plans)
-    space = encoder.space
-    planning = None
-    if config.plans:
-        if not space.n_facts:
-            raise UsageError(f"a planner needs facts to reason about, and the encoder '{config.encoder_name}' has none")
-        planning = PlanningModule(config.planning, space.n_facts, game.n_actions, seed=seeds[3], axes=space.axes)
-    agent = AGENTS.make(
-        config.agent,
-        config,
-        space=space,
-        plan_size=planning.plan_size if planning else 0,
-        n_actions=game.n_actions,
-        seed=seeds[1],
-        budget=config.decisions,
-        device=config.device,
-    )
-    return Trainer(
-        game,
-        encoder,
-        PretrainingSchedule(encoder.stages(config.stability), config.stability),
-        agent,
-        planning,
-        decisions=config.decisions,
-        seed=seeds[2],
-        observers=observers,
-    )
+    folder = None if config else RunFolder.open(path)
+    manifest = folder.manifest() if folder else {}
+    if folder and manifest["status"] == "finished" and folder.checkpoints():
+        return _told_before(manifest, folder)
+    noted = read_world(manifest, path) if "environment" in manifest else None
+    if noted and not noted.repeats:
+        raise UsageError(f"{path} cannot be resumed: its environment does not repeat itself from seed and actions")
+    config = config or RunFolder(path).config()
+    environment = replace(config.environment, max_frames=noted.max_frames) if noted else config.environment
+    with limited_threads(config.threads), contextlib.closing(make_env(config.env, environment)) as env:
+        trainer = build_trainer(config, env=env)  # what cannot work is told before anything is written
+        world = noted or _looked_at(env, config)
+        folder = folder or RunFolder.create(path, config)
+        if noted is None:
+            folder.update_manifest(environment=world.to_dict())
+        return _Session(folder, config, trainer, observers).run()
 
 
 @contextlib.contextmanager
@@ -127,20 +104,18 @@ def limited_threads(threads: int) -> Iterator[None]:
 class _Session:
     """One process's share of a run: from its newest checkpoint to the end of the budget."""
 
-    def __init__(self, folder: RunFolder, config: RunConfig, observers: Sequence[Observer]) -> None:
+    def __init__(self, folder: RunFolder, config: RunConfig, trainer: Trainer, observers: Sequence[Observer]) -> None:
         self.folder = folder
         self.config = config
         self._lines = TrainingLines(partial(append_line, folder.log_path))
-        self.trainer = build_trainer(config, [self, self._lines, *observers])
+        self.trainer = trainer
+        trainer.observers += [self, self._lines, *observers]
         self._stopped_by: signal.Signals | None = None
         self._phase = self.trainer.phase
         self._saved_at = time.monotonic()
 
     def run(self) -> TrainResult:
-        """Go on to the end of the budget; a finished run only tells its result, unless what it learned is gone."""
-        manifest = self.folder.manifest()
-        if manifest["status"] == "finished" and self.folder.checkpoints():
-            return _told_before(manifest, self.folder)
+        """Go on to the end of the budget."""
         with self.folder.locked(), handling(self._stop, signal.SIGINT, signal.SIGTERM):
             self._begin()
             try:
@@ -167,10 +142,8 @@ class _Session:
             self._phase = trainer.phase
             self._save()
         if self._stopped_by:
-            raise SemrlError(
-                f"stopped by {self._stopped_by.name} after {trainer.decisions_:,} decisions; "
-                f"go on with: {self.folder.resuming}"
-            )
+            further = f"; go on with: {self.folder.resuming}" if self.folder.resuming else ""
+            raise SemrlError(f"stopped by {self._stopped_by.name} after {trainer.decisions_:,} decisions{further}")
 
     def _begin(self) -> None:
         """Stand where the newest checkpoint stands, if there is one."""
@@ -251,6 +224,24 @@ def check_finite(arrays: Arrays) -> None:
             raise SemrlError(
                 f"{what} weights are no longer numbers: learning has diverged; try a smaller learning rate"
             )
+
+
+def _looked_at(env: Env, config: RunConfig) -> World:
+    """Return what is to be noted of an environment, and warn of what its player should know."""
+    world = World.of(env, config.environment).but(repeats=repeats_itself(env, config.seed))
+    if not world.repeats:
+        warnings.warn(
+            f"{config.env} does not repeat itself: its checkpoints will not resume", SemrlWarning, stacklevel=3
+        )
+    share = blinking(env, config.environment.frame_skip)
+    if share > BLINKING:
+        warnings.warn(
+            f"{config.env} blinks: {share:.0%} of what is drawn between two decisions is never shown; "
+            "try --environment.max-frames 0",
+            SemrlWarning,
+            stacklevel=3,
+        )
+    return world
 
 
 def _told_before(manifest: Mapping[str, Any], folder: RunFolder) -> TrainResult:

@@ -136,13 +136,6 @@ class Trainer:
             parts["planning"] = self.planning.inference_arrays()
         return {**nest(**parts), "decisions": np.array(self.decisions_), "perceiving": np.array(self.perceiving)}
 
-    def load_inference(self, arrays: Arrays) -> None:
-        """Take over what is needed to play; with more of the planning module than that, it can go on learning."""
-        self.encoder.from_arrays(unnest(arrays, "encoder"))
-        self.agent.from_arrays(unnest(arrays, "agent"))
-        if self.planning:
-            self.planning.from_arrays(unnest(arrays, "planning"))
-
     def memory_arrays(self) -> Arrays:
         """Return what map and world model need to go on learning from further play."""
         return nest(planning=self.planning.to_arrays()) if self.planning else {}

@@ -1,0 +1,175 @@
+"""Sprites that blink: drawn in some of the frames of a skip only, they may be in none of those that are shown.
+
+The emulator's hardware draws few sprites a line, so games with more draw them in turns. The pixel-wise maximum over the
+last frames (Mnih et al. 2015) shows them all; where nothing blinks, it only draws trails behind what moves.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import cv2
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.envs.actions import Env
+
+DECISIONS = 60
+"""Random decisions that are looked at."""
+
+BLINKING = 0.01
+"""Share of what is lit that may blink unseen; more, and an environment is said to blink."""
+
+STEP_PX = 3
+"""What moves goes at most so far in one frame; what is no nearer to anything lit in the next frame has vanished."""
+
+MOST_PIXELS = 40_000
+"""Of a frame that are looked at: rows and columns of larger ones are left out evenly."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Flicker:
+    """What the frames of a skip light, as shares of all pixels that are lit in any of them.
+
+    Attributes
+    ----------
+    unshown
+        Lit in some frame and not in what is shown: it blinked, moved on, or ended.
+    blinking
+        Of these, pixels of things that blink: they vanished within the skip and are back in the next.
+    trails
+        Shown, though what was lit there had moved on.
+    """
+
+    unshown: float
+    blinking: float
+    trails: float
+
+
+def flicker(frames: NDArray[np.uint8]) -> tuple[Flicker, ...]:
+    """Measure what is seen of all frames by the maximum over the last one, the last two, and so on, of each skip.
+
+    A pixel is lit where it differs from its most frequent colour.
+
+    Parameters
+    ----------
+    frames
+        ``(decisions, skip, h, w, 3)``, every frame of every decision, in order.
+    """
+    n, skip = frames.shape[:2]
+    background = _most_frequent(frames[np.arange(n), np.arange(n) % skip])
+    lit = [(one != background).any(axis=-1) for one in frames]
+    counts = np.zeros((skip, 4), np.int64)
+    for one, mask, later in zip(frames, lit, lit[1:], strict=False):
+        gone, union = _gone(mask), mask.any(axis=0)
+        back = gone & ~_things(gone, away_from=np.asarray(later.any(axis=0)))
+        for number in range(1, skip + 1):
+            shown = (one[-number:].max(axis=0) != background).any(axis=-1)
+            parts = union, union & ~shown, back & ~shown, shown & ~mask[-1] & ~gone
+            counts[number - 1] += [np.count_nonzero(part) for part in parts]
+    shares = counts[:, 1:] / np.maximum(counts[:, :1], 1)
+    return tuple(Flicker(unshown=u, blinking=b, trails=t) for u, b, t in shares.tolist())
+
+
+def needed_frames(measured: Sequence[Flicker]) -> int:
+    """Return over how many frames of a skip the maximum must go so that what blinks is seen; 1 where nothing does."""
+    blinking = [each.blinking for each in measured]
+    if blinking[0] <= BLINKING:
+        return 1
+    enough = [number for number, share in enumerate(blinking, 1) if share <= BLINKING]
+    # Dark sprites on a bright ground do not come back by a maximum.
+    return enough[0] if enough else int(np.argmin(blinking)) + 1 if min(blinking) < blinking[0] / 2 else 1
+
+
+def watch(env: Env, skip: int, seed: int, decisions: int = DECISIONS) -> NDArray[np.uint8]:
+    """Play at random, each action for some frames, and return ``(decisions, skip, h, w, 3)``, every frame.
+
+    Parameters
+    ----------
+    env
+        Shows RGB frames, one a step, or is the emulator's, however many frames it skips. It is to be reset afterwards.
+    skip
+        Frames for which an action is held.
+    seed
+        Of the episode and of the actions.
+    decisions
+        To be played; an episode that ends is begun anew.
+    """
+    rng = np.random.default_rng(seed)
+    frame = env.reset(seed=seed)[0]
+    stride = int(np.ceil(np.sqrt(frame.shape[0] * frame.shape[1] / MOST_PIXELS)))
+    step = _Emulator(env, rng) if hasattr(env.unwrapped, "ale") else _Stepping(env, seed)
+    seen = [[step.frame(hold=i > 0)[::stride, ::stride] for i in range(skip)] for _ in range(decisions)]
+    return np.array(seen, np.uint8)
+
+
+class _Emulator:
+    """Frame after frame of an Atari game."""
+
+    def __init__(self, env: Env, rng: np.random.Generator) -> None:
+        self.ale = env.unwrapped.ale  # type: ignore[attr-defined]
+        self.actions, self.rng = self.ale.getMinimalActionSet(), rng
+
+    def frame(self, *, hold: bool) -> NDArray[np.uint8]:
+        if not hold:
+            if self.ale.game_over():
+                self.ale.reset_game()
+            self.action = self.actions[self.rng.integers(len(self.actions))]
+        self.ale.act(self.action)
+        screen: NDArray[np.uint8] = self.ale.getScreenRGB()
+        return screen
+
+
+class _Stepping:
+    """Frame after frame of any other environment."""
+
+    def __init__(self, env: Env, seed: int) -> None:
+        self.env, self.done, self.seed = env, False, seed
+        self.space: gym.Space[object] = env.action_space
+        self.space.seed(seed)
+
+    def frame(self, *, hold: bool) -> NDArray[np.uint8]:
+        if self.done:
+            self.seed, self.done = self.seed + 1, False
+            return np.asarray(self.env.reset(seed=self.seed)[0])
+        if not hold:
+            self.action = self.space.sample()
+        frame, _, terminated, truncated, _ = self.env.step(self.action)
+        self.done = bool(terminated or truncated)
+        return np.asarray(frame)
+
+
+def _most_frequent(frames: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the ``(h, w, 3)`` colour that each pixel has most often, of equal ones the darkest."""
+    codes = frames.astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], np.uint32)
+    ordered = np.sort(codes, axis=0)
+    length = np.ones(ordered.shape[1:], np.int64)
+    longest, best = length.copy(), ordered[0].copy()
+    for before, now in pairwise(ordered):
+        length = np.where(now == before, length + 1, 1)
+        longer = length > longest
+        longest[longer], best[longer] = length[longer], now[longer]
+    return np.stack([best >> 16 & 255, best >> 8 & 255, best & 255], axis=-1).astype(np.uint8)
+
+
+def _gone(lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the ``(h, w)`` pixels of what vanished in ``(skip, h, w)`` frames, and did not only move."""
+    gone: NDArray[np.bool_] = np.zeros_like(lit[0])
+    for before, now in pairwise(lit):
+        gone = _things(gone | before, away_from=now)
+    return gone
+
+
+def _things(lit: NDArray[np.bool_], *, away_from: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the pixels of those connected things that are not within a step of anything else that is lit."""
+    if not lit.any():
+        return lit
+    number, labels = cv2.connectedComponents(lit.astype(np.uint8), connectivity=8)
+    size = 2 * STEP_PX + 1
+    near = cv2.dilate(away_from.astype(np.uint8), np.ones((size, size), np.uint8)) > 0
+    touched = np.zeros(number, bool)
+    touched[labels[near]] = True
+    touched[0] = True
+    alone: NDArray[np.bool_] = ~touched[labels]
+    return alone

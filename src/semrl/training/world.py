@@ -1,0 +1,73 @@
+"""What a run notes of its environment, so that what was learned can be read where the environment is not."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Self
+
+import msgspec
+
+from semrl.core.errors import UsageError
+from semrl.envs import EnvironmentConfig, action_meanings, rom_name
+from semrl.envs.actions import Env
+from semrl.envs.environment import max_frames, sticky_actions
+
+
+@dataclass(frozen=True, kw_only=True)
+class World:
+    """What was really played: an id has defaults of its own.
+
+    Attributes
+    ----------
+    actions
+        Names of the actions, by number.
+    rom
+        Name of an Atari game's ROM; None for other environments.
+    frame_skip
+        Frames for which an action is held.
+    max_frames
+        Of these, so many at the end are shown by their pixel-wise maximum.
+    sticky_actions
+        Probability that a frame repeats the previous action.
+    repeats
+        Whether it plays alike from a seed and actions, so that the run can be resumed.
+    """
+
+    actions: tuple[str, ...]
+    rom: str | None
+    frame_skip: int
+    max_frames: int
+    sticky_actions: float
+    repeats: bool = True
+
+    @classmethod
+    def of(cls, env: Env, config: EnvironmentConfig) -> Self:
+        """Return what is to be noted of an environment that `make_env` made."""
+        return cls(
+            actions=tuple(action_meanings(env)),
+            rom=rom_name(env),
+            frame_skip=config.frame_skip,
+            max_frames=max_frames(env),
+            sticky_actions=sticky_actions(env),
+        )
+
+    def but(self, *, repeats: bool) -> Self:
+        """Return the same, with what was found out about repeating."""
+        return replace(self, repeats=repeats)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as the manifest holds it."""
+        return asdict(self)
+
+
+def read_world(manifest: Mapping[str, Any], run: object) -> World:
+    """Read what a run has noted of its environment.
+
+    Raises
+    ------
+    UsageError
+        When it has not, or the manifest is damaged.
+    """
+    try:
+        return msgspec.convert(manifest["environment"], World)
+    except (KeyError, msgspec.ValidationError) as error:
+        raise UsageError(f"the manifest of {run} does not tell which environment was played ({error})") from None
