@@ -69,8 +69,8 @@ def agent_stages() -> list[Stage]:
     kinds: tuple[tuple[str, str, list[Any]], ...] = (("vector", "semantic", vectors), ("image", "baseline", images))
     for name, (kind, model, seen) in itertools.product(PRESETS, kinds):
         # One update at every decision, as soon as the buffer is filled: `observe` then times exactly one.
-        config = replace(preset(name, model).dqn, initial_buffer=REPLAY, replay_capacity=2 * REPLAY)
-        config = replace(config, decisions_per_update=1)
+        config = replace(preset(name, model).dqn, learning_starts=REPLAY, replay_capacity=2 * REPLAY)
+        config = replace(config, train_freq=1)
         space = StateSpace(shape=seen[0].shape, dtype=seen[0].dtype)
         agent = DQN(config, space=space, n_actions=2, seed=0)
         for i in range(REPLAY):

@@ -126,7 +126,7 @@ def train_here(run: str, model: str, name: str, seconds: str) -> dict[str, Any]:
         trainer = build_trainer(config)
         while trainer.perceiving:
             advance(trainer, 1)
-        advance(trainer, config.dqn.initial_buffer + 4)
+        advance(trainer, config.dqn.learning_starts + 4)
         agent = trainer.agent
         assert isinstance(agent, DQN), "which agent the presets have"
         fill_replay(agent.replay)

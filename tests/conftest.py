@@ -28,8 +28,8 @@ SETTINGS: dict[str, Any] = {
     "stability.max_difference": 0.0,  # never reached: PCA and Birch take 12 batches each
     "stability.min_agreement": 1.0,
     "dqn.batch_size": 8,
-    "dqn.initial_buffer": 20,
-    "dqn.decisions_per_update": 4,
+    "dqn.learning_starts": 20,
+    "dqn.train_freq": 4,
     "dqn.replay_capacity": 60,
     "dqn.network.hidden_units": [8],
     "planning.networks.next_state.epochs": 2,

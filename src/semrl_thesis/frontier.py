@@ -184,7 +184,7 @@ TINY = {
     "env": "semrl/Catch-v0",
     "perception": {"foreground": {"background_frames": 20}, "roles": {"frames": 30}},
     "stability": {"batches": 5, "max_batches": 20, "decisions": 60},
-    "dqn": {"network": {"hidden_units": [8]}, "batch_size": 8, "initial_buffer": 20, "decisions_per_update": 10},
+    "dqn": {"network": {"hidden_units": [8]}, "batch_size": 8, "learning_starts": 20, "train_freq": 10},
     "planning": {
         "scenarios": {"depth": 4, "scenarios": 6},
         "trees": {"first_decisions": 40, "new_decisions": 30},

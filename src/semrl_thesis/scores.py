@@ -38,7 +38,7 @@ SWEEPS: dict[Scale, Sweep] = {
         models=tuple(TABLE),
         # Who wins every game by the same line forgets all others: what is remembered is 100,000 decisions of that line.
         # Five times the play of the preset: as many updates as with a fifth of it.
-        presets={"semrl": {"environment": {"max_noops": 30}, "dqn": {"decisions_per_update": 4}}},
+        presets={"semrl": {"environment": {"max_noops": 30}, "dqn": {"train_freq": 4}}},
     ),
     "quick": Sweep(
         decisions={"thesis": 8_000, "semrl": 8_000},
@@ -46,7 +46,7 @@ SWEEPS: dict[Scale, Sweep] = {
         models=tuple(TABLE),
         overrides={
             "perception": {"doc2vec": {"documents": 1000}},
-            "dqn": {"initial_buffer": 500, "exploration_decisions": 2_000},
+            "dqn": {"learning_starts": 500, "exploration_decisions": 2_000},
             "planning": {"networks": {"next_state": {"epochs": 5}}},
             "evaluation": {"max_noops": 0},
         },
@@ -57,7 +57,7 @@ SWEEPS: dict[Scale, Sweep] = {
         seeds={"semrl": ((0,), (0,))},
         models=("ram-map", "semantic-map"),
         overrides={
-            "dqn": {"network": {"hidden_units": [8]}, "batch_size": 8, "decisions_per_update": 50},
+            "dqn": {"network": {"hidden_units": [8]}, "batch_size": 8, "train_freq": 50},
             "perception": {
                 "hashed": {"dimension": 16},
                 "otsu": {"threshold_frames": 5},

@@ -15,7 +15,7 @@ SMALL = NetworkConfig(hidden_units=(16,))
 
 
 def agent_with(seed=0, shape=(3,), n_actions=2, plan_size=0, **settings):
-    settings = {"network": SMALL, "replay_capacity": 200, "initial_buffer": 20, "decisions_per_update": 2, **settings}
+    settings = {"network": SMALL, "replay_capacity": 200, "learning_starts": 20, "train_freq": 2, **settings}
     return DQN(
         DQNConfig(**settings), space=StateSpace(shape=shape), n_actions=n_actions, seed=seed, plan_size=plan_size
     )
@@ -45,7 +45,7 @@ def live(agent, decisions, seed=0, episode=9, start=0):
 
 
 def test_learning_rate_and_exploration_fall_through_the_second_half_of_the_budget():
-    settings = {"network": SMALL, "learning_rate": 1e-3, "final_learning_rate": 0.1, "initial_buffer": 20}
+    settings = {"network": SMALL, "learning_rate": 1e-3, "final_learning_rate": 0.1, "learning_starts": 20}
     settings |= {"exploration_decisions": 10, "exploration_min": 0.02, "final_exploration": 0.0}
     agent = DQN(DQNConfig(**settings), space=StateSpace(shape=(3,)), n_actions=2, seed=0, budget=100)
     rates, explored = [], []
@@ -143,7 +143,7 @@ def test_advice_is_remembered_and_comes_to_be_followed():
 
 
 def test_an_update_moves_the_value_towards_the_target():
-    agent = agent_with(learning_rate=1e-2, adam_beta1=0.9, target_updates=10**6)
+    agent = agent_with(learning_rate=1e-2, adam_beta1=0.9, target_update_interval=10**6)
     batch = one_transition(0.0)
     before = abs(values(agent.network, batch.states)[1] - 0.7)
     for _ in range(400):
@@ -152,7 +152,7 @@ def test_an_update_moves_the_value_towards_the_target():
 
 
 def test_two_step_targets_reach_the_next_network_value_after_two_rewards():
-    agent = agent_with(n_steps=2, discount=0.5, batch_size=64, clip_rewards=False, initial_buffer=10**6)
+    agent = agent_with(n_steps=2, discount=0.5, batch_size=64, clip_rewards=False, learning_starts=10**6)
     observations = np.eye(3, dtype=np.float32)
     for i, reward in enumerate([1.0, 4.0]):
         agent.observe(shown(observations[i]), 0, reward, terminated=False, start=i == 0)
@@ -165,7 +165,7 @@ def test_two_step_targets_reach_the_next_network_value_after_two_rewards():
 
 
 def test_exploration_falls_exponentially_with_decisions_down_to_its_minimum():
-    agent = agent_with(exploration_decisions=100, initial_buffer=10**6)
+    agent = agent_with(exploration_decisions=100, learning_starts=10**6)
     explored = []
     for _ in range(4):
         explored.append(agent.exploration)
@@ -177,8 +177,8 @@ def test_the_thesis_settings():
     c = DQNConfig()
     assert (c.exploration_decisions, c.exploration_max, c.exploration_min) == (30_000, 1.0, 0.01)
     assert (c.learning_rate, c.adam_beta1, c.adam_beta2) == (1e-4, 0.99, 0.999)
-    assert (c.decisions_per_update, c.target_updates) == (1, 1000)
-    assert (c.batch_size, c.replay_capacity, c.initial_buffer, c.discount) == (32, 100_000, 10_000, 0.99)
+    assert (c.train_freq, c.target_update_interval) == (1, 1000)
+    assert (c.batch_size, c.replay_capacity, c.learning_starts, c.discount) == (32, 100_000, 10_000, 0.99)
 
 
 def test_exploration_decides_between_chance_and_the_best_action():
@@ -191,7 +191,7 @@ def test_exploration_decides_between_chance_and_the_best_action():
 
 
 def test_learning_begins_with_the_initial_buffer_and_keeps_its_pace():
-    agent = agent_with(initial_buffer=20, decisions_per_update=5)
+    agent = agent_with(learning_starts=20, train_freq=5)
     updates = []
     for i in range(31):
         live(agent, 1, start=i)
@@ -204,7 +204,7 @@ def weights(module):
 
 
 def test_hard_renewal_copies_the_network_now_and_then():
-    agent = agent_with(target_updates=3, learning_rate=1e-2)
+    agent = agent_with(target_update_interval=3, learning_rate=1e-2)
     first = weights(agent.target).copy()
     for i in range(1, 7):
         agent.update(one_transition(0.9, seed=i))
@@ -214,7 +214,7 @@ def test_hard_renewal_copies_the_network_now_and_then():
 
 
 def test_soft_renewal_takes_over_a_share_each_time():
-    agent = agent_with(target_updates=1, target_rate=0.1, learning_rate=1e-2)
+    agent = agent_with(target_update_interval=1, tau=0.1, learning_rate=1e-2)
     for i in range(5):
         before = weights(agent.target).copy()
         agent.update(one_transition(0.9, seed=i))
@@ -229,14 +229,14 @@ def test_divergence_is_told_in_one_line():
 
 @pytest.mark.parametrize(("clip", "expected"), [(True, {-1.0, 0.0, 1.0}), (False, set(map(float, range(-3, 4))))])
 def test_rewards_are_clipped_to_their_sign(clip, expected):
-    agent = live(agent_with(clip_rewards=clip, initial_buffer=10**6), 150)
+    agent = live(agent_with(clip_rewards=clip, learning_starts=10**6), 150)
     assert set(agent.to_arrays()["replay/rewards"].tolist()) == expected
 
 
 FULL = {
     "plain": {},
     "everything": {
-        "double": True, "n_steps": 3, "reward_share": 0.25, "target_rate": 0.1, "target_updates": 1,
+        "double": True, "n_steps": 3, "reward_share": 0.25, "tau": 0.1, "target_update_interval": 1,
         "heads": 3, "head_decisions": 5,
         "network": NetworkConfig(hidden_units=(16, 16), layer_norm=True, normalise_input=True),
     },
@@ -273,7 +273,7 @@ def test_of_the_weights_alone_it_plays_the_same(settings):
 
 def test_a_plan_can_be_learned_from():
     """The same state, and a plan that tells which action pays."""
-    agent = agent_with(plan_size=2, learning_rate=1e-2, adam_beta1=0.9, initial_buffer=10**6)
+    agent = agent_with(plan_size=2, learning_rate=1e-2, adam_beta1=0.9, learning_starts=10**6)
     rng, state = np.random.default_rng(0), np.ones(3, np.float32)
     for i in range(200):
         told, action = np.eye(2)[i % 2], int(rng.integers(2))
@@ -285,7 +285,7 @@ def test_a_plan_can_be_learned_from():
 
 def test_the_next_plan_is_that_of_the_next_state():
     """Its value is asked with the plan that was made there."""
-    agent = agent_with(plan_size=1, discount=0.5, target_updates=10**6, batch_size=4, initial_buffer=10**6)
+    agent = agent_with(plan_size=1, discount=0.5, target_update_interval=10**6, batch_size=4, learning_starts=10**6)
     state = np.ones(3, np.float32)
     agent.observe(shown(state, plan=[0.25]), 1, 1.0, terminated=False, start=True)
     agent.end_episode(shown(state, state, [4.0]))
@@ -311,7 +311,7 @@ def test_the_same_seed_learns_the_same():
 
 
 def test_images_are_learned_from_as_well():
-    config = DQNConfig(replay_capacity=50, initial_buffer=10, decisions_per_update=5, batch_size=4)
+    config = DQNConfig(replay_capacity=50, learning_starts=10, train_freq=5, batch_size=4)
     images = StateSpace(shape=(84, 84), dtype=np.uint8)
     agent = DQN(config, space=images, n_actions=2, seed=0)
     frames = np.random.default_rng(0).integers(256, size=(16, 84, 84), dtype=np.uint8)
@@ -329,7 +329,7 @@ def test_images_are_learned_from_as_well():
 
 def test_the_normaliser_is_measured_once_on_the_initial_buffer():
     network = NetworkConfig(hidden_units=(16,), normalise_input=True)
-    agent = live(agent_with(network=network, initial_buffer=50), 49)
+    agent = live(agent_with(network=network, learning_starts=50), 49)
     assert (agent.to_arrays()["network/state_input.scale"] == 1).all()
     live(agent, 1, start=49)
     states = agent.replay.latest(50)
@@ -342,7 +342,7 @@ def test_the_normaliser_is_measured_once_on_the_initial_buffer():
 
 
 def test_one_head_is_followed_until_a_reward_or_for_a_while():
-    agent = agent_with(heads=8, head_decisions=20, exploration_max=1e-12, exploration_min=1e-12, initial_buffer=10**6)
+    agent = agent_with(heads=8, head_decisions=20, exploration_max=1e-12, exploration_min=1e-12, learning_starts=10**6)
     state = shown(np.ones(3, np.float32))
     heads = np.array(
         [agent.network(torch.ones(1, 2, 3), torch.zeros(1, 0)).detach().numpy().reshape(8, -1).argmax(axis=1)]
@@ -357,7 +357,7 @@ def test_one_head_is_followed_until_a_reward_or_for_a_while():
 
 
 def test_heads_give_way_to_their_mean_in_the_second_half():
-    agent = agent_with(heads=8, voting=1.0, exploration_max=1e-12, exploration_min=1e-12, initial_buffer=10**6)
+    agent = agent_with(heads=8, ensemble_share=1.0, exploration_max=1e-12, exploration_min=1e-12, learning_starts=10**6)
     agent.budget = 100
     state = shown(np.ones(3, np.float32))
     heads = agent.network(torch.ones(1, 2, 3), torch.zeros(1, 0)).detach().numpy().reshape(8, -1)
@@ -383,7 +383,7 @@ def test_heads_learn_their_own_values_and_play_by_their_mean():
     [
         {"heads": 0}, {"batch_size": 0}, {"learning_rate": 0.0}, {"learning_rate": float("nan")}, {"discount": 1.5},
         {"exploration_min": 0.5, "exploration_max": 0.1}, {"replay_capacity": 3, "n_steps": 3},
-        {"target_rate": 0.0}, {"adam_epsilon": float("inf")}, {"reward_share": -0.1}, {"adam_beta1": 1.0},
+        {"tau": 0.0}, {"adam_epsilon": float("inf")}, {"reward_share": -0.1}, {"adam_beta1": 1.0},
     ],
 )  # fmt: skip
 def test_impossible_settings_are_refused(settings):

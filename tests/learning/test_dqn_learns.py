@@ -25,13 +25,13 @@ QUICK = DQNConfig(
     adam_beta1=0.9,
     batch_size=64,
     replay_capacity=20_000,
-    initial_buffer=500,
-    decisions_per_update=1,
+    learning_starts=500,
+    train_freq=1,
     n_steps=5,
     discount=0.95,
     double=True,
-    target_rate=0.01,
-    target_updates=1,
+    tau=0.01,
+    target_update_interval=1,
     network=NetworkConfig(hidden_units=(64, 64)),
 )
 

@@ -35,7 +35,7 @@ PLANNING = PlanningConfig(
     planner_every=2,
 )
 AGENT = DQNConfig(
-    replay_capacity=600, initial_buffer=40, decisions_per_update=10, batch_size=8, exploration_decisions=200,
+    replay_capacity=600, learning_starts=40, train_freq=10, batch_size=8, exploration_decisions=200,
     n_steps=2, network=NetworkConfig(hidden_units=(16,)),
 )  # fmt: skip
 

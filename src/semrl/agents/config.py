@@ -46,7 +46,7 @@ class DQNConfig:
     """Estimates of the values side by side (bootstrapped DQN, Osband et al. 2016); one at a time is followed."""
     head_decisions: int = 100
     """Decisions after which the head to follow is drawn anew, on average; after a reward it always is."""
-    voting: float = 0.0
+    ensemble_share: float = 0.0
     """Share of the decisions at the end of the budget that all of them together make, by their mean; it grows evenly
     through the second half, as exploration falls."""
     learning_rate: float = 1e-4
@@ -63,11 +63,11 @@ class DQNConfig:
     """Transitions in one update."""
     replay_capacity: int = 100_000
     """Observations kept for replay."""
-    initial_buffer: int = 10_000
+    learning_starts: int = 10_000
     """Decisions gathered before the first update."""
     discount: float = 0.99
     """What a reward one decision later counts."""
-    decisions_per_update: int = 1
+    train_freq: int = 1
     """Decisions between two updates."""
     reward_share: float = 0.0
     """Share of a batch that is drawn from the decisions shortly before rewards; the rest is uniform."""
@@ -75,9 +75,9 @@ class DQNConfig:
     """Decisions whose rewards are summed before the target network is asked."""
     double: bool = False
     """Choose the next action by the online network, value it by the target network (van Hasselt et al. 2016)."""
-    target_rate: float = 1.0
+    tau: float = 1.0
     """Share of the online weights taken over at each renewal of the target network."""
-    target_updates: int = 1000
+    target_update_interval: int = 1000
     """Updates between two renewals of the target network."""
     advice_margin: float = 0.0
     """By how much the action that a planner advised should be worth more than others (Hester et al. 2018)."""
@@ -110,11 +110,11 @@ class DQNConfig:
 
 
 _COUNTS = (
-    "exploration_decisions", "heads", "head_decisions", "batch_size", "initial_buffer", "decisions_per_update",
-    "n_steps", "target_updates",
+    "exploration_decisions", "heads", "head_decisions", "batch_size", "learning_starts", "train_freq",
+    "n_steps", "target_update_interval",
 )  # fmt: skip
 _SHARES = (
-    "exploration_min", "exploration_max", "final_exploration", "voting", "final_learning_rate", "discount",
-    "reward_share", "target_rate",
+    "exploration_min", "exploration_max", "final_exploration", "ensemble_share", "final_learning_rate", "discount",
+    "reward_share", "tau",
 )  # fmt: skip
-_POSITIVE = ("learning_rate", "adam_epsilon", "target_rate")
+_POSITIVE = ("learning_rate", "adam_epsilon", "tau")

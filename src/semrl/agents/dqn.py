@@ -97,7 +97,7 @@ class DQN:
         if advised is not None:
             return advised
         values = self._head_values(shown)
-        share = self.config.voting * (1 - self._late(0.0))
+        share = self.config.ensemble_share * (1 - self._late(0.0))
         followed = values.mean(axis=0) if share and self._rng.random() < share else values[self._head]
         return int(followed.argmax())
 
@@ -128,11 +128,11 @@ class DQN:
         self.decisions_ += 1
         if reward or self._rng.random() * c.head_decisions < 1:
             self._head = int(self._rng.integers(c.heads))
-        if self.decisions_ == c.initial_buffer and c.network.normalise_input:
-            states = self._tensor(self.replay.latest(c.initial_buffer))
+        if self.decisions_ == c.learning_starts and c.network.normalise_input:
+            states = self._tensor(self.replay.latest(c.learning_starts))
             for network in (self.network, self.target):
                 network.state_input.fit(states)
-        if self.decisions_ >= c.initial_buffer and self.decisions_ % c.decisions_per_update == 0:
+        if self.decisions_ >= c.learning_starts and self.decisions_ % c.train_freq == 0:
             self.update(self._sample())
 
     def end_episode(self, shown: AgentObservation) -> None:
@@ -168,7 +168,7 @@ class DQN:
         loss.backward()  # type: ignore[no-untyped-call]
         self.optimiser.step()
         self.updates_ += 1
-        if self.updates_ % self.config.target_updates == 0:
+        if self.updates_ % self.config.target_update_interval == 0:
             self._renew_target()
 
     def to_arrays(self) -> Arrays:
@@ -256,7 +256,7 @@ class DQN:
     def _renew_target(self) -> None:
         with torch.no_grad():
             for old, new in zip(self.target.parameters(), self.network.parameters(), strict=True):
-                old.lerp_(new, self.config.target_rate)
+                old.lerp_(new, self.config.tau)
 
     def _optimiser_arrays(self) -> Arrays:
         state = self.optimiser.state_dict()["state"]
