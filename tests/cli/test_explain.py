@@ -15,7 +15,7 @@ KEYS = {
     "run", "model", "env", "trained_decisions", "policy", "seed", "episode", "step", "exploration", "return_so_far",
     "features", "place", "path", "cutoff", "scenarios", "n_scenarios", "n_imagined", "reason", "otherwise",
     "plan_features",
-    "deed", "aftermath", "objects", "joined", "html",
+    "choice", "rollout", "objects", "joined", "html",
 }  # fmt: skip
 
 
@@ -34,7 +34,7 @@ def test_decisions_under_other_conditions_are_those_of_such_an_evaluation(call, 
     told = evaluate(map_run, episodes=1, sticky_actions=0.5)
     decision = told.rewards[0][0][0]
     explained = call("explain", map_run, "--step", decision, "--sticky-actions", 0.5, "--json")
-    assert json.loads(explained.out)["aftermath"]["rewards"][0] == told.rewards[0][0][1]
+    assert json.loads(explained.out)["rollout"]["rewards"][0] == told.rewards[0][0][1]
     wrong = call("explain", map_run, "--step", 0, "--at", 7)
     assert wrong.status == 2 and "no milestone of decision 7" in wrong.message
 

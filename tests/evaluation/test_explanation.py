@@ -60,9 +60,9 @@ def test_it_is_the_decision_that_an_evaluation_takes(map_run, policy):
 def test_chance_is_told(hasty_run):
     _, steps = played(hasty_run)
     told = [explain(hasty_run, episode=1, step=k) for k in range(12)]
-    assert [e.deed.action for e in told] == [NAMES[step.action] for step in steps[1:13]]
-    assert {e.deed.by_chance for e in told} == {True, False}
-    assert all(e.deed.by_chance == (e.deed.action != e.deed.agent) and e.exploration == 0.5 for e in told)
+    assert [e.choice.action for e in told] == [NAMES[step.action] for step in steps[1:13]]
+    assert {e.choice.by_chance for e in told} == {True, False}
+    assert all(e.choice.by_chance == (e.choice.action != e.choice.agent) and e.exploration == 0.5 for e in told)
 
 
 def test_the_place_and_the_path_are_those_of_the_map(map_run):

@@ -7,7 +7,7 @@ from pages import Wellformed
 
 from semrl.core.errors import UsageError
 from semrl.evaluation.explaining import explain
-from semrl.evaluation.explanation import Hop
+from semrl.evaluation.explanation import PathEdge
 from semrl.report import telling
 from semrl.report.explanation import render_explanation, write_explanation
 
@@ -19,7 +19,7 @@ def told(map_run):
 
 def a_path(n):
     return tuple(
-        Hop(
+        PathEdge(
             source=100 + i,
             target=101 + i,
             edge=i,
@@ -41,12 +41,12 @@ def test_everything_is_on_the_page(told, tmp_path):
     text = write_explanation(told, tmp_path / "why.html").read_text()
     page = Wellformed(text)
     said = words(page)
-    assert f"Why {told.deed.action}?" in said and told.reason in said and telling.deed(told) in said
+    assert f"Why {told.deed.action}?" in said and told.reason in said and telling.choice(told) in said
     assert telling.otherwise(told) in said
     for scenario in told.scenarios:
         assert f'aria-label="{telling.compact(scenario.actions)}: {telling.rewards(scenario.rewards)}"' in text
         assert telling.ending(told, scenario) in said
-    assert telling.place(told) in said and telling.aftermath(told) in said
+    assert telling.place(told) in said and telling.rollout(told) in said
     assert text.count('<rect x="') == len(told.sight.boxes_px) > 0
     assert page.headings[0] == 1 and page.headings.count(1) == 1 and page.unlabelled == []
     assert len(page.ids) == len(set(page.ids))
@@ -154,4 +154,4 @@ def test_who_wanted_what(told, policy, agent, planner, said):
     values = {"LEFT": 1.0, "RIGHT": -0.5}
     by_chance = {"agent": agent, "planner": planner}[policy] != "LEFT"
     deed = replace(told.deed, action="LEFT", agent=agent, planner=planner, by_chance=by_chance, values=values)
-    assert telling.deed(replace(told, policy=policy, exploration=0.01, deed=deed)).endswith(said)
+    assert telling.choice(replace(told, policy=policy, exploration=0.01, choice=deed)).endswith(said)

@@ -85,7 +85,7 @@ def main(argv: Sequence[str]) -> None:
 
 def _show(e: Explanation) -> None:
     """Tell a person, from what is seen to what came."""
-    console.print(Text(f"Why {e.deed.action}?", "bold"), Text(f"{e.run}, {telling.which(e)}", "dim"))
+    console.print(Text(f"Why {e.choice.action}?", "bold"), Text(f"{e.run}, {telling.which(e)}", "dim"))
     console.print()
     way = {"way to a gain": telling.way(e)} if e.path else {}
     console.print(_rows({"seen": telling.seen(e), "on the map": telling.place(e), **way}))
@@ -94,7 +94,7 @@ def _show(e: Explanation) -> None:
     console.print()
     why = {"why the first": e.reason} | ({"what else": telling.otherwise(e)} if e.otherwise else {})
     features = {f"plan: {part.part}": telling.told(part) for part in e.plan_features}
-    console.print(_rows({**why, **features, "done": telling.deed(e), "came": telling.aftermath(e)}))
+    console.print(_rows({**why, **features, "done": telling.choice(e), "came": telling.rollout(e)}))
 
 
 def _rows(values: dict[str, str]) -> Table:

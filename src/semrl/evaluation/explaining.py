@@ -11,7 +11,15 @@ import numpy as np
 
 from semrl.core import Floats, Plan, Sight
 from semrl.core.errors import UsageError
-from semrl.evaluation.explanation import Aftermath, Deed, Explanation, Foresight, Hop, Place, Told
+from semrl.evaluation.explanation import (
+    ActionChoice,
+    Explanation,
+    ImaginedScenario,
+    MapLocation,
+    PathEdge,
+    PlanFeature,
+    Rollout,
+)
 from semrl.evaluation.player import Player, Policy, load_player
 from semrl.evaluation.rules import unit_of
 from semrl.evaluation.scores import EVALUATION_SEED
@@ -98,8 +106,8 @@ def _laid_open(
         reason=reason(explained.plan),
         otherwise=explained.otherwise(),
         plan_features=explained.plan_features(),
-        deed=explained.deed(played.actions[0], policy),
-        aftermath=explained.aftermath(played),
+        choice=explained.choice(played.actions[0], policy),
+        rollout=explained.rollout(played),
     )
 
 
@@ -155,22 +163,22 @@ class _Explained:
         names = self.player.encoder.space.names
         return dict(zip(names, (self.history.states[0, : len(names)] / self.unit).tolist(), strict=True))
 
-    def place(self) -> Place:
+    def place(self) -> MapLocation:
         """Tell where on the map the state lies."""
         node, distance = self.plan.node, float(self.routes.distances[self.plan.node])
-        return Place(
+        return MapLocation(
             node=int(self.graph.node_ids[node]),
             states=int(self.graph.node_counts[node]),
             distance=distance if math.isfinite(distance) else None,
             is_goal=bool(self.routes.goals[node]),
         )
 
-    def path(self) -> tuple[Hop, ...]:
+    def path(self) -> tuple[PathEdge, ...]:
         """Tell the way to the nearest gain, edge by edge."""
         config, graph = self.planning.config.long_term, self.graph
         costs = edge_costs(graph, config)
         return tuple(
-            Hop(
+            PathEdge(
                 source=int(graph.node_ids[graph.sources[i]]),
                 target=int(graph.node_ids[graph.targets[i]]),
                 edge=int(graph.edge_ids[i]),
@@ -183,21 +191,21 @@ class _Explained:
             for i in edges_along(graph, self.plan.path, config).tolist()
         )
 
-    def scenarios(self) -> tuple[Foresight, ...]:
+    def scenarios(self) -> tuple[ImaginedScenario, ...]:
         """Tell the best scenarios, of equal ones the first."""
         _, different = np.unique(self.plan.scenarios.actions, axis=0, return_index=True)
         return tuple(self._foresight(self.plan, i) for i in np.sort(different)[:SCENARIOS_SHOWN].tolist())
 
-    def otherwise(self) -> tuple[Foresight, ...]:
+    def otherwise(self) -> tuple[ImaginedScenario, ...]:
         """Tell for each other action the best scenario that begins with it."""
         others = (action for action in range(len(self.action_names)) if action != self.plan.actions[0])
         plans = (self.planning.plan(self.history, first=action) for action in others)
         return tuple(self._foresight(plan, 0) for plan in plans if plan)
 
-    def _foresight(self, plan: Plan, i: int) -> Foresight:
+    def _foresight(self, plan: Plan, i: int) -> ImaginedScenario:
         """Tell the i-th best scenario of a plan."""
         progress = int(plan.progress[i])
-        return Foresight(
+        return ImaginedScenario(
             rank=i + 1,
             actions=self._names(plan.scenarios.actions[i]),
             rewards=tuple(plan.scenarios.rewards[i].tolist()),
@@ -207,10 +215,10 @@ class _Explained:
             progress=progress if progress >= 0 else None,
         )
 
-    def plan_features(self) -> tuple[Told, ...]:
+    def plan_features(self) -> tuple[PlanFeature, ...]:
         """Tell what the agent was shown of the plan."""
         return tuple(
-            Told(
+            PlanFeature(
                 part=part,
                 numbers=tuple((numbers / (self.unit if part == "state" else 1.0)).tolist()),
                 names=self._part_names(part, numbers),
@@ -218,11 +226,11 @@ class _Explained:
             for part, numbers in self.planning.grounder.parts(self.shown.plan).items()
         )
 
-    def deed(self, taken: int, policy: Policy) -> Deed:
+    def choice(self, taken: int, policy: Policy) -> ActionChoice:
         """Tell what was done, and what agent and planner wanted."""
         wanted = {"agent": self.player.agent.best_action(self.shown), "planner": int(self.plan.actions[0])}
         values = self.player.agent.action_values(self.shown).tolist()
-        return Deed(
+        return ActionChoice(
             action=self.action_names[taken],
             agent=self.action_names[wanted["agent"]],
             planner=self.action_names[wanted["planner"]],
@@ -230,11 +238,11 @@ class _Explained:
             values=dict(zip(self.action_names, values, strict=True)),
         )
 
-    def aftermath(self, played: _Played) -> Aftermath:
+    def rollout(self, played: _Played) -> Rollout:
         """Tell what came, and what the models foresee for the actions that were taken."""
         actions = np.array([played.actions])
         foreseen = self.planning.world_model.imagine(self.history, actions)
-        return Aftermath(
+        return Rollout(
             actions=self._names(played.actions),
             rewards=tuple(played.rewards),
             ended=played.ended,

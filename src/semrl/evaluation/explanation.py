@@ -9,7 +9,7 @@ from semrl.core import Frame, Sight
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Place:
+class MapLocation:
     """A node of the map, the state's own (§3.4.1).
 
     Attributes
@@ -31,7 +31,7 @@ class Place:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Hop:
+class PathEdge:
     """An edge of the path (§3.4.2).
 
     Attributes
@@ -59,13 +59,13 @@ class Hop:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Foresight:
+class ImaginedScenario:
     """A scenario (§3.4.3).
 
     Attributes
     ----------
     rank
-        Place in the planner's order, from 1.
+        MapLocation in the planner's order, from 1.
     actions
         The name of each.
     rewards
@@ -77,7 +77,7 @@ class Foresight:
     end_node
         Id of the node in which it ends.
     progress
-        Place of that node on the path, from 0; None off the path.
+        MapLocation of that node on the path, from 0; None off the path.
     """
 
     rank: int
@@ -90,7 +90,7 @@ class Foresight:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Told:
+class PlanFeature:
     """A part of the goal, as the agent was told it (§3.4.4).
 
     Attributes
@@ -109,7 +109,7 @@ class Told:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Deed:
+class ActionChoice:
     """What was done.
 
     Attributes
@@ -132,7 +132,7 @@ class Deed:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Aftermath:
+class Rollout:
     """What really came, for as many decisions as a scenario has.
 
     Attributes
@@ -177,7 +177,7 @@ class Explanation:
         them, and why the first one is the first.
     otherwise
         For each action that the first does not begin with: the best that was found when only it could begin.
-    goal, deed, aftermath
+    plan_features, choice, rollout
         What the agent was told, what was done, what came.
     """
 
@@ -194,17 +194,17 @@ class Explanation:
     frame: Frame
     sight: Sight
     features: Mapping[str, float]
-    place: Place
-    path: tuple[Hop, ...]
+    place: MapLocation
+    path: tuple[PathEdge, ...]
     cutoff: float
-    scenarios: tuple[Foresight, ...]
+    scenarios: tuple[ImaginedScenario, ...]
     n_scenarios: int
     n_imagined: int
     reason: str
-    otherwise: tuple[Foresight, ...]
-    plan_features: tuple[Told, ...]
-    deed: Deed
-    aftermath: Aftermath
+    otherwise: tuple[ImaginedScenario, ...]
+    plan_features: tuple[PlanFeature, ...]
+    choice: ActionChoice
+    rollout: Rollout
 
     def to_json(self) -> dict[str, Any]:
         """Return everything but the frame, of what JSON knows; objects by box and class, joined ones by position."""

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from semrl.core.files import require_writable, write_text
-from semrl.evaluation.explanation import Explanation, Foresight
+from semrl.evaluation.explanation import Explanation, ImaginedScenario
 from semrl.evaluation.sight import CLASS_COLOURS
 from semrl.report import telling
 from semrl.report.charts import RUN_COLOURS
@@ -31,22 +31,22 @@ def write_explanation(explanation: Explanation, out: Path) -> Path:
 def render_explanation(explanation: Explanation) -> str:
     """Return the page as HTML text."""
     e, sight = explanation, explanation.sight
-    colours = {name: RUN_COLOURS[i % len(RUN_COLOURS)] for i, name in enumerate(e.deed.values)}
+    colours = {name: RUN_COLOURS[i % len(RUN_COLOURS)] for i, name in enumerate(e.choice.values)}
     palette = css_colours(CLASS_COLOURS)
     return render_page(
         "explanation.html",
-        title=f"Why {e.deed.action}?",
+        title=f"Why {e.choice.action}?",
         e=e,
         telling=telling,
         scene=scene(e.frame, sight.boxes_px, sight.classes, sight.edges, palette),
         kinds=[(kind, palette[kind % len(palette)], n) for kind, n in telling.kinds(e)],
-        bars=_bars(e.deed.values),
+        bars=_bars(e.choice.values),
         path=telling.shortened(e.path),
         colours=colours,
         scenarios=[(scenario, strip(scenario.actions, scenario.rewards, colours)) for scenario in e.scenarios],
         came=[
-            (name, rewards, strip(e.aftermath.actions, rewards, colours))
-            for name, rewards in (("what came", e.aftermath.rewards), ("foreseen", e.aftermath.foreseen))
+            (name, rewards, strip(e.rollout.actions, rewards, colours))
+            for name, rewards in (("what came", e.rollout.rewards), ("foreseen", e.rollout.foreseen))
         ],
         ends_at={node: ranks for node in range(len(e.path)) if (ranks := _ends_at(e.scenarios, node))},
     )
@@ -78,6 +78,6 @@ def _bars(values: Mapping[str, float]) -> list[tuple[str, float, float, float]]:
     return [(name, v, (min(v, 0.0) - low) * per_cent, abs(v) * per_cent) for name, v in values.items()]
 
 
-def _ends_at(scenarios: Sequence[Foresight], node: int) -> str:
+def _ends_at(scenarios: Sequence[ImaginedScenario], node: int) -> str:
     """List the scenarios that end in a node of the path."""
     return ", ".join(str(scenario.rank) for scenario in scenarios if scenario.progress == node)

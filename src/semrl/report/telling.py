@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from itertools import groupby
 
-from semrl.evaluation.explanation import Explanation, Foresight, Hop, Told
+from semrl.evaluation.explanation import Explanation, ImaginedScenario, PathEdge, PlanFeature
 from semrl.report.wording import number
 
 _HOPS_SHOWN = 8
@@ -115,7 +115,7 @@ def place(e: Explanation) -> str:
     return f"{here} The nearest known gain starts {hops} away, at a cost of {number(e.place.distance)}."
 
 
-def shortened(path: Sequence[Hop]) -> tuple[Sequence[Hop], int, Sequence[Hop]]:
+def shortened(path: Sequence[PathEdge]) -> tuple[Sequence[PathEdge], int, Sequence[PathEdge]]:
     """Leave out the middle of a long path: its beginning, how many hops are left out, and its end."""
     if len(path) <= _HOPS_SHOWN + 1:
         return path, 0, ()
@@ -131,16 +131,16 @@ def way(e: Explanation) -> str:
     return f"{_links(first)}{between}{_links(last)}{gain.target} ({signed(gain.reward)})"
 
 
-def _links(hops: Iterable[Hop]) -> str:
+def _links(hops: Iterable[PathEdge]) -> str:
     return "".join(f"{hop.source} ─{hop.action}→ " for hop in hops)
 
 
-def doubt(scenario: Foresight) -> str:
+def doubt(scenario: ImaginedScenario) -> str:
     """Say how far the models differ about a scenario."""
     return "" if scenario.doubt is None else f"± {round(scenario.doubt, 4):.2g}"
 
 
-def ending(e: Explanation, scenario: Foresight) -> str:
+def ending(e: Explanation, scenario: ImaginedScenario) -> str:
     """Say where a scenario ends."""
     if not e.path:
         return f"node {scenario.end_node}"
@@ -148,7 +148,7 @@ def ending(e: Explanation, scenario: Foresight) -> str:
     return f"node {scenario.end_node}, {where}"
 
 
-def told(part: Told) -> str:
+def told(part: PlanFeature) -> str:
     """Say a part of what the agent is shown of the plan."""
     if part.part == "actions":
         return compact(part.names)
@@ -157,9 +157,9 @@ def told(part: Told) -> str:
     return signed(part.numbers[0]) if len(part.numbers) == 1 else f"a vector of {len(part.numbers)} numbers"
 
 
-def deed(e: Explanation) -> str:
+def choice(e: Explanation) -> str:
     """Say what was done by whom, and what the others would have done."""
-    d, planned = e.deed, e.policy == "planner"
+    d, planned = e.choice, e.policy == "planner"
     decider, wanted, other, others = (
         ("planner", d.planner, "agent", d.agent) if planned else ("agent", d.agent, "planner", d.planner)
     )
@@ -172,8 +172,8 @@ def deed(e: Explanation) -> str:
     return f"The {decider} took {d.action}, {why}; the {other} would {then}."
 
 
-def aftermath(e: Explanation) -> str:
+def rollout(e: Explanation) -> str:
     """Say what really came, and what the planner had foreseen of it."""
-    a = e.aftermath
+    a = e.rollout
     text = f"{compact(a.actions)}: {rewards(a.rewards)}{', then the episode ended' if a.ended else ''}."
     return f"{text} For these actions the models foresaw {rewards(a.foreseen)}."
