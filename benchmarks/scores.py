@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from semrl import evaluate, preset, train
-from semrl.evaluation.prediction import FILE, foresight
+from semrl.evaluation.prediction import FILE, world_model_accuracy
 from semrl.training import RunFolder
 from semrl.training.config import MODELS
 
@@ -73,7 +73,7 @@ def score(arguments: Arguments, model: str, seed: int) -> dict[str, Any]:
 
 def planned(arguments: Arguments, run: Path) -> dict[str, Any]:
     """Test what a run predicts, and its planner alone."""
-    seen = kept(run / FILE, lambda: foresight(run))
+    seen = kept(run / FILE, lambda: world_model_accuracy(run))
     played = kept(
         run / "evaluation-planner.json",
         lambda: evaluate(run, episodes=arguments.planner_episodes, policy="planner"),

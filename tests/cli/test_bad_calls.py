@@ -1,4 +1,4 @@
-"""Every wrong call and every foreseen failure: one line, an exit status, and nothing lost."""
+"""Every wrong call and every predicted failure: one line, an exit status, and nothing lost."""
 
 import errno
 import io
@@ -44,7 +44,7 @@ def new_run(tmp_path, tiny):
         ("train --threads 0", "threads must lie between"),
         ("train --decisions 100 --milestones 101", "milestones are decisions, 1 to the budget's 100"),
         ("bench --seed -1", "seed must be 0 or more"),
-        ("foresee RUN --seed -1", "seed 0 or more"),
+        ("predict RUN --seed -1", "seed 0 or more"),
         ("train --checkpoint-seconds nan", "checkpoint_seconds must be 0 or more"),
         ("train --evaluation.episodes 0", "evaluation.episodes must be 1 or more"),
         ("train --environment.frame-skip 0", "frame_skip must be 1 or more"),

@@ -40,7 +40,7 @@ def documented(command):
     return set(re.findall(r"`(\w+)`", row))
 
 
-@pytest.mark.parametrize("command", ["foresee --decisions 10", "explain --step 3", "rules", "map", "doctor", "report"])
+@pytest.mark.parametrize("command", ["predict --decisions 10", "explain --step 3", "rules", "map", "doctor", "report"])
 def test_the_keys_of_json_are_documented(call, ram_map_run, tmp_path, command):
     run = shutil.copytree(ram_map_run, tmp_path / "run")
     name, *flags = command.split()
@@ -86,12 +86,12 @@ def test_the_planner_plays_alone(call, tmp_path, map_run):
 
 def test_how_far_it_sees_ahead_is_told_and_written(call, tmp_path, map_run):
     run = shutil.copytree(map_run, tmp_path / "run")
-    told = only_json(call("foresee", run, "--decisions", 50, "--seed", 3, "--json"))
-    written = json.loads((run / "foresight.json").read_text())
+    told = only_json(call("predict", run, "--decisions", 50, "--seed", 3, "--json"))
+    written = json.loads((run / "predictions.json").read_text())
     assert told.pop("run") == str(run)
     assert written["conditions"] == {"learned_from": 150, "seed": 3, "policy": "agent", "exploration": 0.01}
     assert written == told and told["decisions"] == 50 and np.sum(told["confusion"]) == told["decisions"]
-    result = call("foresee", run, "--decisions", 50, "--seed", 3)
+    result = call("predict", run, "--decisions", 50, "--seed", 3)
     assert result.status == 0 and f"{told['explained']['1']:.1%} of the variance" in result.out
     assert f"{told['confusion'][2][2]} of {sum(told['confusion'][2])}" in result.out
 

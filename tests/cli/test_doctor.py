@@ -58,7 +58,7 @@ def test_people_are_told_how_to_get_it(names):
         (["explain", "RUN", "--step", "1"], "numba"),
         (["bench"], "matplotlib"),
         (["reproduce", "method"], "rich"),
-        (["foresee", "RUN"], "numpy"),
+        (["predict", "RUN"], "numpy"),
     ],
 )
 def test_other_commands_name_the_package_and_doctor(argv, package, tmp_path):

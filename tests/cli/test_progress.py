@@ -72,7 +72,7 @@ def test_training_tells_lines_where_there_is_no_terminal(call, tmp_path, tiny_to
     ("argv", "said"),
     [
         (["eval", "RUN", "--episodes", "2"], r"evaluate: 2 of 2 episodes, 90 decisions, [\d.,]+/s; mean return "),
-        (["foresee", "RUN", "--decisions", "50"], r"foresee: 50 of 50 decisions, [\d.,]+/s$"),
+        (["predict", "RUN", "--decisions", "50"], r"predict: 50 of 50 decisions, [\d.,]+/s$"),
     ],
 )
 def test_play_tells_lines_where_there_is_no_terminal(call, tmp_path, map_run, argv, said):

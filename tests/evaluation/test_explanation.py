@@ -156,14 +156,14 @@ def test_what_came_is_what_was_played(map_run):
         assert came.ended == (k + HORIZON >= len(steps) - 1)
         scenarios = steps[k].record.plan.scenarios
         same = (scenarios.actions == actions).all(axis=1)  # every sequence of actions is among them
-        assert came.foreseen == tuple(scenarios.rewards[same][0].tolist())
+        assert came.predicted == tuple(scenarios.rewards[same][0].tolist())
 
 
 def test_the_last_decisions_of_an_episode(map_run):
     _, steps = played(map_run)
     last = len(steps) - 2
     came = [explain(map_run, episode=1, step=k).aftermath for k in range(last - HORIZON, last + 1)]
-    assert [len(one.actions) for one in came] == [len(one.foreseen) for one in came] == [3, 3, 2, 1]
+    assert [len(one.actions) for one in came] == [len(one.predicted) for one in came] == [3, 3, 2, 1]
     assert [one.ended for one in came] == [False, True, True, True]
 
 

@@ -13,7 +13,7 @@ from stopping import stopped
 from semrl.core.errors import SemrlError, UsageError
 from semrl.evaluation import evaluate, load_map, load_player
 from semrl.evaluation.explaining import explain
-from semrl.evaluation.prediction import foresight
+from semrl.evaluation.prediction import world_model_accuracy
 from semrl.evaluation.rules import load_rules
 from semrl.evaluation.scores import EVALUATION_SEED
 from semrl.training import RunFolder, train
@@ -149,7 +149,7 @@ def test_without_predictions_there_are_no_plans_to_tell_of(tmp_path, tracked_run
     train(run, replace(config, planning=replace(config.planning, trees=trees)))
     assert len(load_map(run).graph)
     asked = (
-        lambda: evaluate(run, policy="planner"), lambda: explain(run, episode=0, step=0), lambda: foresight(run),
+        lambda: evaluate(run, policy="planner"), lambda: explain(run, episode=0, step=0), lambda: world_model_accuracy(run),
         lambda: load_rules(run),
     )  # fmt: skip
     for ask in asked:

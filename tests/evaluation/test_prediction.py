@@ -1,4 +1,4 @@
-"""What a model foresees of new play is counted as it should be (§4.2)."""
+"""What a model predicts of new play is counted as it should be (§4.2)."""
 
 import json
 from dataclasses import replace
@@ -10,42 +10,42 @@ from sklearn.metrics import balanced_accuracy_score, r2_score
 
 from semrl.core.errors import UsageError
 from semrl.evaluation import load_player
-from semrl.evaluation.prediction import _explained, balanced_accuracy, foresight
+from semrl.evaluation.prediction import _explained, balanced_accuracy
 from semrl.evaluation.scores import EVALUATION_SEED, PROBING
 from semrl.training import RunFolder, train
 
 
 def test_it_is_what_scikit_learn_says_of_the_same_play(map_run):
-    told = foresight(map_run, decisions=60)
+    told = world_model_accuracy(map_run, decisions=60)
     player = load_player(map_run).under(exploration=PROBING)
-    came, foreseen, rewards, guesses = [], [], [], []
+    came, predicted, rewards, guesses = [], [], [], []
     for number, length in enumerate((45, 15)):  # five balls of nine decisions, and what is left of 60
         steps = list(player.episode(number, player.config.seed + EVALUATION_SEED))[: length + 1]
         for before, after in pairwise(steps):
             scenario = player.planning.world_model.imagine(before.record.history, np.array([[after.action]]))
             came.append(after.state.facts)
-            foreseen.append(scenario.states[0, 0])
+            predicted.append(scenario.states[0, 0])
             rewards.append(int(np.sign(after.total - before.total)))
             guesses.append(int(scenario.rewards[0, 0]))
     assert told.decisions == len(came) == 60
-    assert told.explained[1] == pytest.approx(r2_score(came, foreseen, multioutput="variance_weighted"), abs=1e-6)
+    assert told.explained[1] == pytest.approx(r2_score(came, predicted, multioutput="variance_weighted"), abs=1e-6)
     assert told.balanced_accuracy == pytest.approx(balanced_accuracy_score(rewards, guesses))
     assert np.sum(told.confusion) == 60 and np.sum(told.confusion, axis=1)[1] == rewards.count(0)
     assert set(told.explained) <= {1, 2, 5, 10, 20} and told.explained[5] <= 1
-    assert told.explained_vectors == {}  # they are what is foreseen
+    assert told.explained_vectors == {}  # they are what is predicted
 
 
 def test_where_objects_are_foreseen_so_are_the_vectors_of_their_scenes(tracked_run):
-    told, player = foresight(tracked_run, decisions=60), load_player(tracked_run).under(exploration=PROBING)
-    came, foreseen = [], []
+    told, player = world_model_accuracy(tracked_run, decisions=60), load_player(tracked_run).under(exploration=PROBING)
+    came, predicted = [], []
     for number, length in enumerate((45, 15)):
         steps = list(player.episode(number, player.config.seed + EVALUATION_SEED))[: length + 1]
         for before, after in pairwise(steps):
             scenario = player.planning.world_model.imagine(before.record.history, np.array([[after.action]]))
             came.append(after.state.vector[: player.encoder.perception.embedder.dimension])
-            foreseen.append(player.encoder.embed(scenario.states[0, 0]))
+            predicted.append(player.encoder.embed(scenario.states[0, 0]))
     assert told.explained_vectors[1] == pytest.approx(
-        r2_score(came, foreseen, multioutput="variance_weighted"), abs=1e-6
+        r2_score(came, predicted, multioutput="variance_weighted"), abs=1e-6
     )
     assert told.explained_vectors.keys() == told.explained.keys()
 
@@ -54,18 +54,18 @@ def test_a_milestone_foresees_as_it_did_then(tmp_path, tracked_run):
     config = RunFolder.open(tracked_run).config()
     run = tmp_path / "run"
     train(run, replace(config, milestones=(200,)))
-    now, then = foresight(run, decisions=60), foresight(run, decisions=60, at=200)
-    assert {path.name for path in run.glob("foresight*")} == {"foresight.json", "foresight-at-200.json"}
-    assert json.loads((run / "foresight-at-200.json").read_text())["conditions"]["learned_from"] == 200
+    now, then = world_model_accuracy(run, decisions=60), world_model_accuracy(run, decisions=60, at=200)
+    assert {path.name for path in run.glob("foresight*")} == {"predictions.json", "predictions-at-200.json"}
+    assert json.loads((run / "predictions-at-200.json").read_text())["conditions"]["learned_from"] == 200
     assert now != then
     with pytest.raises(UsageError, match="has no milestone of decision 100"):
-        foresight(run, at=100)
+        world_model_accuracy(run, at=100)
 
 
 @pytest.mark.parametrize("decisions", [1, 7, 45, 46, 100])
 def test_what_was_asked_for_is_played(map_run, decisions):
     steps = []
-    told = foresight(map_run, decisions=decisions, on_step=steps.append)
+    told = world_model_accuracy(map_run, decisions=decisions, on_step=steps.append)
     assert told.decisions == np.sum(told.confusion) == decisions
     assert sum(step.action is not None for step in steps) == decisions
 
@@ -82,6 +82,6 @@ def test_states_that_never_vary_have_no_share():
 
 def test_without_a_map_nothing_is_foreseen(semantic_run, map_run):
     with pytest.raises(UsageError, match="has no map"):
-        foresight(semantic_run)
+        world_model_accuracy(semantic_run)
     with pytest.raises(UsageError, match="decisions must be 1 or more"):
-        foresight(map_run, decisions=0)
+        world_model_accuracy(map_run, decisions=0)

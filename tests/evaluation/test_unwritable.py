@@ -11,7 +11,7 @@ import pytest
 
 from semrl.core.errors import SemrlWarning, UsageError
 from semrl.evaluation import evaluate
-from semrl.evaluation.prediction import foresight
+from semrl.evaluation.prediction import world_model_accuracy
 from semrl.training import train
 from semrl.training.config import EvaluationConfig
 
@@ -26,7 +26,7 @@ def locked(tmp_path, map_run, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "command", ["eval --episodes 2", "eval --episodes 1 --policy planner", "foresee --decisions 20"]
+    "command", ["eval --episodes 2", "eval --episodes 1 --policy planner", "predict --decisions 20"]
 )
 @pytest.mark.parametrize("flags", [[], ["--json"]])
 def test_the_result_is_told_all_the_same(call, locked, map_run, command, flags):
@@ -41,7 +41,9 @@ def test_the_result_is_told_all_the_same(call, locked, map_run, command, flags):
         assert json.loads(result.out)["run"] == str(locked)
 
 
-@pytest.mark.parametrize("play", [lambda run: evaluate(run, episodes=1), lambda run: foresight(run, decisions=9)])
+@pytest.mark.parametrize(
+    "play", [lambda run: evaluate(run, episodes=1), lambda run: world_model_accuracy(run, decisions=9)]
+)
 def test_it_is_told_before_anything_is_played(locked, monkeypatch, play):
     monkeypatch.setattr("semrl.evaluation.player.Player.episode", lambda *_, **__: pytest.fail("something was played"))
     with warnings.catch_warnings():
@@ -50,7 +52,9 @@ def test_it_is_told_before_anything_is_played(locked, monkeypatch, play):
             play(locked)
 
 
-@pytest.mark.parametrize("play", [lambda run: evaluate(run, episodes=1), lambda run: foresight(run, decisions=9)])
+@pytest.mark.parametrize(
+    "play", [lambda run: evaluate(run, episodes=1), lambda run: world_model_accuracy(run, decisions=9)]
+)
 def test_a_disk_that_is_full_at_the_end_costs_no_result(tmp_path, map_run, monkeypatch, play):
     run = shutil.copytree(map_run, tmp_path / "run")
     expected = play(run)

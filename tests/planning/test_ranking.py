@@ -166,8 +166,8 @@ def test_without_a_path_a_scenario_that_ends_near_a_centroid_is_better():
 def test_before_the_first_reward_the_scenario_that_ends_farthest_from_all_nodes_is_best():
     plan = ranked([1.4, 3.1, 0.2, 2.0, 7.0], line=LineMap(reward=0.0))
     assert order(plan) == [4, 0, 2, 1, 3] and plan.seeks_novelty
-    foreseen = ranked([1.4, 3.1, 7.0], [[0], [1], [0]], line=LineMap(reward=0.0))
-    assert order(foreseen) == [1, 2, 0]  # the forests may have met one since the map was drawn
+    predicted = ranked([1.4, 3.1, 7.0], [[0], [1], [0]], line=LineMap(reward=0.0))
+    assert order(predicted) == [1, 2, 0]  # the forests may have met one since the map was drawn
 
 
 def test_doubt_counts_against_a_scenario_as_much_as_asked():

@@ -185,17 +185,17 @@ def test_a_run_with_a_map_tells_how_far_it_sees_ahead(tmp_path):
         return " ".join(page_of(run)[1].words.split())
 
     run = make_run(tmp_path / "run", model="ram-map")
-    assert "semrl foresee" not in words(make_run(tmp_path / "other"))
+    assert "semrl predict" not in words(make_run(tmp_path / "other"))
     file = MetricsFile(run / "metrics.csv")
     file.write({"phase": "agent", "decisions": 9000, "episode": 6, "return": 1.0, "map_nodes": 12})
     file.close()
-    assert f"semrl foresee {run}" in words(run)
+    assert f"semrl predict {run}" in words(run)
     told = {"decisions": 2345, "explained": {"1": 0.99, "20": -0.5}, "balanced_accuracy": 0.9}
     told["confusion"] = [[7, 1, 0], [2, 2300, 3], [0, 4, 28]]
-    write_text(run / "foresight.json", json.dumps(told))
+    write_text(run / "predictions.json", json.dumps(told))
     tested = words(run)
     assert "on 2,345 decisions" in tested
-    assert "losses foreseen 7 of 8 gains foreseen 28 of 32 false alarms 5 Rewards, one decision ahead" in tested
+    assert "losses predicted 7 of 8 gains predicted 28 of 32 false alarms 5 Rewards, one decision ahead" in tested
     assert f"semrl rules {run}" in tested and "Share of the variance of the states" in page_of(run)[0]
 
 

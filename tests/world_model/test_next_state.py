@@ -87,7 +87,7 @@ def test_scales_are_those_of_the_first_episode():
 
 
 def test_one_jump_does_not_spoil_what_changes_little():
-    """Now and then the ball is served anew, which no model can foresee; the rest is learned all the same."""
+    """Now and then the ball is served anew, which no model can predict; the rest is learned all the same."""
     data, test = ball(800), ball(500, seed=7)
     data.next_states[::50, :2] = 5 + 4 * np.sign(np.random.default_rng(0).normal(size=(16, 2)))
     model = learned(CHANGE, data)

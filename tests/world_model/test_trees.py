@@ -173,7 +173,7 @@ def rolled_alone(forests, member, known, sequence, relations):
     def seen(chosen):
         return lay_out(window[None], past[None], np.array([chosen]), relations)
 
-    (inertia, window, past), foreseen, rewards = known, [], np.zeros(len(sequence), np.float32)
+    (inertia, window, past), predicted, rewards = known, [], np.zeros(len(sequence), np.float32)
     for t, action in enumerate(sequence):
         if not rewards.any():
             told = forests(seen(action))[member, 0]
@@ -181,9 +181,9 @@ def rolled_alone(forests, member, known, sequence, relations):
             window = np.concatenate([window[:1] + moved, window[:-1]])
             past = np.append(np.float32(action), past)[: len(past)]
             rewards[t] = np.rint(told[-2])
-        foreseen.append(window[0])
+        predicted.append(window[0])
     beyond = 0 if rewards.any() else forests(seen(NO_ACTION))[member, 0, -1]
-    return np.array(foreseen), rewards, np.float32(beyond)
+    return np.array(predicted), rewards, np.float32(beyond)
 
 
 @pytest.mark.parametrize(

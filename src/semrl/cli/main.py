@@ -1,4 +1,4 @@
-"""Choosing a command, and turning every foreseen failure into one line and an exit status."""
+"""Choosing a command, and turning every predicted failure into one line and an exit status."""
 
 import ast
 import difflib
@@ -24,7 +24,7 @@ COMMANDS = {
     "map": ("map", "what the map of a run looks like, and the map as a file"),
     "query": ("query", "ask the map of a run in SPARQL"),
     "rules": ("rules", "what a run has learned of its world, as rules to be checked"),
-    "foresee": ("foresee", "how far a run's model of the world sees ahead, on new episodes"),
+    "predict": ("predict", "how far a run's model of the world sees ahead, on new episodes"),
     "explain": ("explain", "why a run took one decision, as text or as a page"),
     "doctor": ("doctor", "versions, threads, what is missing and how to get it"),
 }

@@ -16,7 +16,7 @@ from semrl.world_model.rules import sentence
 
 @dataclass(frozen=True, kw_only=True)
 class RulesArguments:
-    """Print the rules by which a run foresees what comes next: what changes by how much, and when.
+    """Print the rules by which a run predicts what comes next: what changes by how much, and when.
 
     They are its first forest's trees, pruned to the rules that say most. Places of objects are in percent of the image,
     from the left and from the top; RAM features in the emulator's pixels.

@@ -239,14 +239,14 @@ class _Explained:
         )
 
     def rollout(self, played: _Played) -> Rollout:
-        """Tell what came, and what the models foresee for the actions that were taken."""
+        """Tell what came, and what the models predict for the actions that were taken."""
         actions = np.array([played.actions])
-        foreseen = self.planning.world_model.imagine(self.history, actions)
+        predicted = self.planning.world_model.imagine(self.history, actions)
         return Rollout(
             actions=self._names(played.actions),
             rewards=tuple(played.rewards),
             ended=played.ended,
-            foreseen=tuple(foreseen.rewards[0].tolist()),
+            predicted=tuple(predicted.rewards[0].tolist()),
         )
 
     def _part_names(self, part: str, numbers: Floats) -> tuple[str, ...]:

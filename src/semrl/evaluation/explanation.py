@@ -141,14 +141,14 @@ class Rollout:
         Of each decision, this one first.
     ended
         Whether the episode ended with the last of them.
-    foreseen
+    predicted
         Sign of each reward as the models predict it at this decision, for just these actions.
     """
 
     actions: tuple[str, ...]
     rewards: tuple[float, ...]
     ended: bool
-    foreseen: tuple[float, ...]
+    predicted: tuple[float, ...]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

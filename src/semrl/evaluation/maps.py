@@ -11,7 +11,7 @@ from semrl.world_model.rules import Rule
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LoadedMap:
-    """The map of a run, as of its newest checkpoint, the names of its actions, and the rules by which it foresees."""
+    """The map of a run, as of its newest checkpoint, the names of its actions, and the rules by which it predicts."""
 
     graph: MapGraph
     action_names: tuple[str, ...]

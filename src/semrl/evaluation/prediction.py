@@ -1,4 +1,4 @@
-"""How well a run's model of the world foresees play that it has not seen (§4.2)."""
+"""How well a run's model of the world predicts play that it has not seen (§4.2)."""
 
 import contextlib
 import itertools
@@ -23,11 +23,11 @@ from semrl.world_model.protocol import WorldModel
 
 HORIZONS = (1, 2, 5, 10, 20)
 
-FILE = "foresight.json"
-"""Where it is written, in the folder of a run; of a milestone, into ``foresight-at-DECISIONS.json``."""
+FILE = "predictions.json"
+"""Where it is written, in the folder of a run; of a milestone, into ``predictions-at-DECISIONS.json``."""
 
 Spans = dict[int, list[tuple[Floats, Floats]]]
-"""Horizon → states foreseen and states that came."""
+"""Horizon → states predicted and states that came."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,15 +37,15 @@ class Quality:
     Attributes
     ----------
     decisions
-        That were foreseen.
+        That were predicted.
     explained
         Horizon in decisions → share of the variance of the states that is explained (R², weighted by variance).
     explained_vectors
-        The same for the vector of the scene, where objects are foreseen and the scene follows from them; else empty.
+        The same for the vector of the scene, where objects are predicted and the scene follows from them; else empty.
     confusion
-        ``(3, 3)`` counts, what came in rows, what was foreseen in columns: a loss, nothing, a gain.
+        ``(3, 3)`` counts, what came in rows, what was predicted in columns: a loss, nothing, a gain.
     balanced_accuracy
-        Mean share of each kind that was foreseen, over those that came.
+        Mean share of each kind that was predicted, over those that came.
     conditions
         Decisions that the model learned from, and how the episodes were played.
     """
@@ -58,7 +58,7 @@ class Quality:
     conditions: dict[str, Any]
 
 
-def foresight(
+def world_model_accuracy(
     run: str | Path,
     *,
     decisions: int = 10_000,
@@ -67,7 +67,7 @@ def foresight(
     at: int | None = None,
     on_step: Callable[[Step], None] = lambda _: None,
 ) -> Quality:
-    """Play new episodes, compare what came with what the run's model foresaw, and write it into the run's folder.
+    """Play new episodes, compare what came with what the run's model predicted, and write it into the run's folder.
 
     A span of several decisions counts when no reward falls into it, since the model stops at a reward.
 
@@ -89,14 +89,14 @@ def foresight(
     Raises
     ------
     UsageError
-        When there is no such run or milestone, or nothing that could foresee.
+        When there is no such run or milestone, or nothing that could predict.
     """
     if decisions < 1 or (seed is not None and seed < 0):
         raise UsageError(f"decisions must be 1 or more and seed 0 or more, not {decisions} and {seed}")
     player = load_player(run, at).under(exploration=PROBING)
     world = player.require_predictions(run).world_model
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
-    path = Path(run) / (FILE if at is None else f"foresight-at-{at}.json")
+    path = Path(run) / (FILE if at is None else f"predictions-at-{at}.json")
     warn_unwritable(path)
     facts: Spans = {horizon: [] for horizon in HORIZONS}
     confusion = np.zeros((3, 3), np.int64)
@@ -118,7 +118,7 @@ def foresight(
 
 
 def balanced_accuracy(confusion: NDArray[np.int64]) -> float:
-    """Return the mean share that was foreseen of each kind that came, from ``(k, k)`` counts."""
+    """Return the mean share that was predicted of each kind that came, from ``(k, k)`` counts."""
     came = confusion.sum(axis=1)
     return float((confusion.diagonal()[came > 0] / came[came > 0]).mean())
 
@@ -152,9 +152,9 @@ def _compare(world: WorldModel, steps: Sequence[Step], spans: Spans, confusion: 
 
 
 def _embedded(encoder: TrackedSceneEncoder, facts: Spans) -> Spans:
-    """Return the vectors of the scenes that were foreseen and that came."""
+    """Return the vectors of the scenes that were predicted and that came."""
     return {
-        horizon: [(encoder.embed(foreseen), encoder.embed(came)) for foreseen, came in pairs]
+        horizon: [(encoder.embed(predicted), encoder.embed(came)) for predicted, came in pairs]
         for horizon, pairs in facts.items()
     }
 
@@ -164,8 +164,8 @@ def _explained(spans: Spans) -> dict[int, float]:
     shares = {}
     for horizon, pairs in spans.items():
         if pairs:
-            foreseen, came = (np.array(part, np.float64) for part in zip(*pairs, strict=True))
+            predicted, came = (np.array(part, np.float64) for part in zip(*pairs, strict=True))
             variation = float(((came - came.mean(axis=0)) ** 2).sum())
             if variation:
-                shares[horizon] = 1 - float(((came - foreseen) ** 2).sum()) / variation
+                shares[horizon] = 1 - float(((came - predicted) ** 2).sum()) / variation
     return shares

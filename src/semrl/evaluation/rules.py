@@ -1,4 +1,4 @@
-"""The rules by which a run foresees, for those who want to check them."""
+"""The rules by which a run predicts, for those who want to check them."""
 
 from pathlib import Path
 

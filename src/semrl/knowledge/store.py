@@ -72,7 +72,7 @@ def most_frequent_actions(graph: MapGraph, action_names: Sequence[str]) -> Ints:
 
 def _ontology() -> Iterator[_Statement]:
     ontology = ox.NamedNode(TERMS.rstrip("#"))
-    about = "What the state map of a run is made of, and the rules by which it foresees."
+    about = "What the state map of a run is made of, and the rules by which it predicts."
     yield from _described(ontology, "owl:Ontology", "semrl", about)
     for name, parent, comment in CLASSES:
         node = _node(f"semrl:{name}")

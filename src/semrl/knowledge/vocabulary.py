@@ -59,7 +59,7 @@ PROPERTIES = (
     Property("count", "Cluster", "xsd:integer", "How many states or transitions of the game a cluster stands for."),
     Property("number", "Cluster", "xsd:integer", "Number of a cluster in its tree; it stays as the map grows."),
     Property("actionNumber", "Action", "xsd:integer", "Number of an action in the environment."),
-    Property("about", "Rule", "xsd:string", "The number of a state that a rule foresees, or the reward."),
+    Property("about", "Rule", "xsd:string", "The number of a state that a rule predicts, or the reward."),
     Property("condition", "Rule", "xsd:string", "What must hold; a rule may have several."),
     Property("change", "Rule", "xsd:double", "By how much the number changes, or the reward itself."),
     Property("support", "Rule", "xsd:integer", "For how many decisions of the play a rule held."),

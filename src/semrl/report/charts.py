@@ -61,12 +61,12 @@ def stability_path(values: Series, *, goal: float, ylabel: str, title: str) -> M
         return as_svg(figure, title)
 
 
-def foresight_path(explained: Mapping[int, float], *, title: str) -> Markup:
-    """Draw which share of the states' variance was foreseen, by decisions ahead."""
+def prediction_path(explained: Mapping[int, float], *, title: str) -> Markup:
+    """Draw which share of the states' variance was predicted, by decisions ahead."""
     with mpl.rc_context(STYLE):
         figure, axes = new_figure((360, 240))
         axes.plot(list(explained), list(explained.values()), "o-", color=RUN_COLOURS[0], linewidth=1.6, markersize=5)
         axes.set_xlim(left=0)
         axes.set_ylim(min(0, *explained.values()), 1.05)
-        label_axes(axes, "decisions ahead", "share foreseen")
+        label_axes(axes, "decisions ahead", "share predicted")
         return as_svg(figure, title)

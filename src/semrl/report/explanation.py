@@ -46,7 +46,7 @@ def render_explanation(explanation: Explanation) -> str:
         scenarios=[(scenario, strip(scenario.actions, scenario.rewards, colours)) for scenario in e.scenarios],
         came=[
             (name, rewards, strip(e.rollout.actions, rewards, colours))
-            for name, rewards in (("what came", e.rollout.rewards), ("foreseen", e.rollout.foreseen))
+            for name, rewards in (("what came", e.rollout.rewards), ("predicted", e.rollout.predicted))
         ],
         ends_at={node: ranks for node in range(len(e.path)) if (ranks := _ends_at(e.scenarios, node))},
     )

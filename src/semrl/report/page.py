@@ -12,7 +12,7 @@ from markupsafe import Markup
 from semrl.core.errors import UsageError
 from semrl.core.files import require_writable, write_text
 from semrl.report import scenes, wording
-from semrl.report.charts import RUN_COLOURS, foresight_path, learning_curve, stability_path
+from semrl.report.charts import RUN_COLOURS, learning_curve, prediction_path, stability_path
 from semrl.report.record import RunRecord, read_run
 from semrl.report.templates import render_page
 
@@ -129,14 +129,14 @@ def _paths(record: RunRecord) -> list[dict[str, Any]]:
 
 
 def _foresight(record: RunRecord) -> dict[str, Any] | None:
-    """Draw how far a run sees ahead, and count what it foresaw of gains and losses."""
-    if record.foresight is None:
+    """Draw how far a run sees ahead, and count what it predicted of gains and losses."""
+    if record.predictions is None:
         return None
     explained = {int(ahead): float(share) for ahead, share in record.foresight["explained"].items()}
     counts = record.foresight["confusion"]  # rows: what came, a loss, nothing, a gain
-    title = f"Share of the variance of the states that {record.name} foresaw, by decisions ahead"
+    title = f"Share of the variance of the states that {record.name} predicted, by decisions ahead"
     return {
-        "chart": foresight_path(explained, title=title) if explained else None,
+        "chart": prediction_path(explained, title=title) if explained else None,
         "decisions": record.foresight["decisions"],
         "losses": (counts[0][0], sum(counts[0])),
         "gains": (counts[2][2], sum(counts[2])),

@@ -48,7 +48,7 @@ class RunRecord:
     evaluation
         Content of ``evaluation.json``; None when the run was not evaluated.
     foresight
-        Content of ``foresight.json``; None when it was not tested what the run foresees, or it cannot.
+        Content of ``predictions.json``; None when it was not tested what the run predicts, or it cannot.
     gallery
         Arrays of ``gallery.npz``; empty when there is none.
     video
@@ -63,7 +63,7 @@ class RunRecord:
     manifest: Mapping[str, Any]
     rows: Sequence[Mapping[str, str]]
     evaluation: Mapping[str, Any] | None
-    foresight: Mapping[str, Any] | None
+    predictions: Mapping[str, Any] | None
     gallery: Arrays
     video: bytes | None
     has_video: bool
@@ -135,7 +135,7 @@ def read_run(path: Path) -> RunRecord:
         manifest=manifest,
         rows=read_metrics(path / "metrics.csv"),
         evaluation=_read_json(path / "evaluation.json", ("mean", "std", "min", "max", "episodes"), "eval"),
-        foresight=_read_json(path / "foresight.json", ("decisions", "balanced_accuracy"), "foresee"),
+        predictions=_read_json(path / "predictions.json", ("decisions", "balanced_accuracy"), "predict"),
         gallery=read_arrays(gallery) if gallery.exists() else {},
         video=video.read_bytes() if embeddable else None,
         has_video=video.is_file(),

@@ -173,7 +173,7 @@ def choice(e: Explanation) -> str:
 
 
 def rollout(e: Explanation) -> str:
-    """Say what really came, and what the planner had foreseen of it."""
+    """Say what really came, and what the planner had predicted of it."""
     a = e.rollout
     text = f"{compact(a.actions)}: {rewards(a.rewards)}{', then the episode ended' if a.ended else ''}."
-    return f"{text} For these actions the models foresaw {rewards(a.foreseen)}."
+    return f"{text} For these actions the models predicted {rewards(a.predicted)}."

@@ -66,17 +66,17 @@ def roll(  # noqa: PLR0917 - compiled functions take no keywords
     begins, origins = begins[order], lane_of[origins[order]]
     chosen = np.full((length + 1, n), NO_ACTION, np.float32)
     chosen[:length] = sequences[order].T
-    foreseen = np.empty((n, length, dimension), np.float32)
+    predicted = np.empty((n, length, dimension), np.float32)
     rewards, values = np.zeros((members, n, length), np.float32), np.zeros((members, n), np.float32)
-    for member in range(members - 1, -1, -1):  # the first one last: what it foresees stays
-        told = foreseen, rewards[member], values[member]
+    for member in range(members - 1, -1, -1):  # the first one last: what it predicts stays
+        told = predicted, rewards[member], values[member]
         _roll_lanes((nodes, roots[member]), inertia, (states, actions), (chosen, begins, origins), told, relations)
     for lane in range(1, n):
         begin, origin = begins[lane], origins[lane]
-        foreseen[lane, :begin], rewards[:, lane, :begin] = foreseen[origin, :begin], rewards[:, origin, :begin]
+        predicted[lane, :begin], rewards[:, lane, :begin] = predicted[origin, :begin], rewards[:, origin, :begin]
         if begin == length:
             values[:, lane] = values[:, origin]
-    return foreseen[lane_of], rewards[:, lane_of], values[:, lane_of]
+    return predicted[lane_of], rewards[:, lane_of], values[:, lane_of]
 
 
 @compiled
@@ -114,8 +114,8 @@ def _roll_lanes(  # noqa: PLR0917 - compiled functions take no keywords
     Of lanes it is told the actions, ``(t + 1, n)``, when each begins, ascending, and which one it leaves then.
     """
     (nodes, roots), (states, actions), (chosen, begins, origins) = trees, past, lanes
-    foreseen, rewards, values = told
-    n, length, dimension = foreseen.shape
+    predicted, rewards, values = told
+    n, length, dimension = predicted.shape
     window, before = _repeated(states, n), _repeated(actions, n)
     columns = width(dimension, len(states), len(actions), relations)
     changes, going = np.empty((dimension + 1, n), np.float32), np.ones(n, np.bool_)
@@ -135,7 +135,7 @@ def _roll_lanes(  # noqa: PLR0917 - compiled functions take no keywords
             going[lane] = rewards[lane, t] == 0
         for s in range(begun):
             for i in range(dimension):
-                foreseen[s, t, i] = window[0, i, s]
+                predicted[s, t, i] = window[0, i, s]
     rows = np.empty((columns, begun), np.float32)
     _lay_out(window, before, chosen[length], rows, relations)
     _descend(nodes, roots[dimension + 1 :], rows, np.flatnonzero(going[:begun]), values.reshape(1, n))

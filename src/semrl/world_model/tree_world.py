@@ -26,7 +26,7 @@ class TreesConfig:
     """Settings of `TreeWorld`."""
 
     members: int = 3
-    """Forests, each grown from its own draw of what was lived; a reward counts what they foresee on average.
+    """Forests, each grown from its own draw of what was lived; a reward counts what they predict on average.
 
     When it is time, the oldest is grown anew."""
     screening: int = 0
@@ -171,18 +171,18 @@ class TreeWorld:
         screened = 0 < c.screening < c.members and len(sequences) >= _FEWEST_SCREENED
         relations = self.relations_
         members = slice(c.screening if screened else None)
-        foreseen, rewards, values = self.forests.roll(*past, sequences, relations, members)
+        predicted, rewards, values = self.forests.roll(*past, sequences, relations, members)
         if screened:
             means = self._returns(rewards, values).mean(axis=0)
             best = np.sort(np.argsort(-means, kind="stable")[: len(sequences) // 4])
             sequences = sequences[best]
             _, more_rewards, more_values = self.forests.roll(*past, sequences, relations, slice(c.screening, None))
-            foreseen = foreseen[best]
+            predicted = predicted[best]
             rewards = np.concatenate([rewards[:, best], more_rewards])
             values = np.concatenate([values[:, best], more_values])
         states = np.empty((*sequences.shape, moment.states.shape[1]), np.float32)
         states[:] = moment.states[0]
-        states[:, :, self.varying_] = foreseen * unit
+        states[:, :, self.varying_] = predicted * unit
         return Scenarios(
             actions=sequences,
             states=states,

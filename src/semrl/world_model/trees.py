@@ -1,4 +1,4 @@
-"""Regression trees that foresee: exact where the world follows rules, which networks only come near to.
+"""Regression trees that predict: exact where the world follows rules, which networks only come near to.
 
 Things in a game move by rules with sharp borders: a ball turns back where it meets a paddle and nowhere else. Trees
 find such borders. Several forests, each grown from its own draw of what was lived (bagging, Breiman 1996), agree where
@@ -126,7 +126,7 @@ class Forests:
         Returns
         -------
         tuple
-            ``(s, t, d)`` states that the first of them foresees; ``(members, s, t)`` rewards; ``(members, s)`` returns
+            ``(s, t, d)`` states that the first of them predicts; ``(members, s, t)`` rewards; ``(members, s)`` returns
             expected beyond. After its first reward a scenario stands still and is worth no more: what follows is
             another rally, of which little is known.
         """

@@ -1,4 +1,4 @@
-"""``semrl foresee``: how far a run's model of the world sees ahead."""
+"""``semrl predict``: how far a run's model of the world sees ahead."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -11,18 +11,18 @@ from semrl.cli.arguments import parse
 from semrl.cli.progress import PlayProgress, show_summary
 from semrl.core.strict_json import dumps
 from semrl.evaluation.player import Policy
-from semrl.evaluation.prediction import Quality, foresight
+from semrl.evaluation.prediction import Quality
 from semrl.training.loop import Step
 
 
 @dataclass(frozen=True, kw_only=True)
-class ForeseeArguments:
-    """Play new episodes and compare what came with what the model foresaw; write foresight.json beside the run.
+class PredictArguments:
+    """Play new episodes and compare what came with what the model predicted; write predictions.json beside the run.
 
-    It tells which share of the variance of the states was foreseen 1 to 20 decisions ahead, and how many gains and
+    It tells which share of the variance of the states was predicted 1 to 20 decisions ahead, and how many gains and
     losses one ahead. Nothing is learned from these episodes; one action in a hundred is random.
 
-    Example:  semrl foresee runs/first && semrl report runs/first
+    Example:  semrl predict runs/first && semrl report runs/first
     """
 
     run: tyro.conf.Positional[Path]
@@ -41,9 +41,9 @@ class ForeseeArguments:
 
 def main(argv: Sequence[str]) -> None:
     """Parse, play, compare, tell."""
-    arguments = parse(ForeseeArguments, argv, command="foresee")
+    arguments = parse(PredictArguments, argv, command="predict")
     played = 0
-    with PlayProgress("foresee", arguments.decisions, "decisions") as progress:
+    with PlayProgress("predict", arguments.decisions, "decisions") as progress:
 
         def on_step(step: Step) -> None:
             nonlocal played
@@ -51,7 +51,7 @@ def main(argv: Sequence[str]) -> None:
                 played += 1
                 progress.update(played, played)
 
-        quality = foresight(
+        quality = world_model_accuracy(
             arguments.run,
             decisions=arguments.decisions,
             seed=arguments.seed,
@@ -71,5 +71,5 @@ def _as_rows(quality: Quality) -> dict[str, object]:
     }
     for sign, name in ((0, "losses"), (2, "gains")):
         came = sum(quality.confusion[sign])
-        rows[f"{name} foreseen"] = f"{quality.confusion[sign][sign]:,} of {came:,}"
+        rows[f"{name} predicted"] = f"{quality.confusion[sign][sign]:,} of {came:,}"
     return rows | {"decisions": f"{quality.decisions:,}"}
