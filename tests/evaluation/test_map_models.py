@@ -149,8 +149,8 @@ def test_without_predictions_there_are_no_plans_to_tell_of(tmp_path, tracked_run
     train(run, replace(config, planning=replace(config.planning, trees=trees)))
     assert len(load_map(run).graph)
     asked = (
-        lambda: evaluate(run, policy="planner"), lambda: explain(run, episode=0, step=0), lambda: world_model_accuracy(run),
-        lambda: load_rules(run),
+        lambda: evaluate(run, policy="planner"), lambda: explain(run, episode=0, step=0),
+        lambda: world_model_accuracy(run),        lambda: load_rules(run),
     )  # fmt: skip
     for ask in asked:
         with pytest.raises(UsageError, match="early cannot predict anything yet, so there are no plans: it needs more"):

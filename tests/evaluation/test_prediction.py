@@ -10,7 +10,7 @@ from sklearn.metrics import balanced_accuracy_score, r2_score
 
 from semrl.core.errors import UsageError
 from semrl.evaluation import load_player
-from semrl.evaluation.prediction import _explained, balanced_accuracy
+from semrl.evaluation.prediction import _explained, balanced_accuracy, world_model_accuracy
 from semrl.evaluation.scores import EVALUATION_SEED, PROBING
 from semrl.training import RunFolder, train
 
@@ -55,7 +55,7 @@ def test_a_milestone_foresees_as_it_did_then(tmp_path, tracked_run):
     run = tmp_path / "run"
     train(run, replace(config, milestones=(200,)))
     now, then = world_model_accuracy(run, decisions=60), world_model_accuracy(run, decisions=60, at=200)
-    assert {path.name for path in run.glob("foresight*")} == {"predictions.json", "predictions-at-200.json"}
+    assert {path.name for path in run.glob("predictions*")} == {"predictions.json", "predictions-at-200.json"}
     assert json.loads((run / "predictions-at-200.json").read_text())["conditions"]["learned_from"] == 200
     assert now != then
     with pytest.raises(UsageError, match="has no milestone of decision 100"):

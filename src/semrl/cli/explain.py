@@ -106,7 +106,7 @@ def _rows(values: dict[str, str]) -> Table:
 
 
 def _scenarios(e: Explanation) -> Table:
-    title = telling.choice(e)
+    title = telling.shown_scenarios(e)
     columns = ("", Column(title, min_width=WIDTH), "return", "doubt", "rewards", "ends in")
     table = Table(*columns, box=None, padding=(0, 2, 0, 0), header_style="dim")
     for scenario in e.scenarios:

@@ -11,7 +11,7 @@ from semrl.cli.arguments import parse
 from semrl.cli.progress import PlayProgress, show_summary
 from semrl.core.strict_json import dumps
 from semrl.evaluation.player import Policy
-from semrl.evaluation.prediction import Quality
+from semrl.evaluation.prediction import Quality, world_model_accuracy
 from semrl.training.loop import Step
 
 

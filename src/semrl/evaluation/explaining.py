@@ -194,15 +194,15 @@ class _Explained:
     def scenarios(self) -> tuple[ImaginedScenario, ...]:
         """Tell the best scenarios, of equal ones the first."""
         _, different = np.unique(self.plan.scenarios.actions, axis=0, return_index=True)
-        return tuple(self._foresight(self.plan, i) for i in np.sort(different)[:SCENARIOS_SHOWN].tolist())
+        return tuple(self._scenario(self.plan, i) for i in np.sort(different)[:SCENARIOS_SHOWN].tolist())
 
     def otherwise(self) -> tuple[ImaginedScenario, ...]:
         """Tell for each other action the best scenario that begins with it."""
         others = (action for action in range(len(self.action_names)) if action != self.plan.actions[0])
         plans = (self.planning.plan(self.history, first=action) for action in others)
-        return tuple(self._foresight(plan, 0) for plan in plans if plan)
+        return tuple(self._scenario(plan, 0) for plan in plans if plan)
 
-    def _foresight(self, plan: Plan, i: int) -> ImaginedScenario:
+    def _scenario(self, plan: Plan, i: int) -> ImaginedScenario:
         """Tell the i-th best scenario of a plan."""
         progress = int(plan.progress[i])
         return ImaginedScenario(

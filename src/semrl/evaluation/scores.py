@@ -22,7 +22,7 @@ EVALUATION_SEED = 1_000_000
 """Added to a run's seed for its evaluation."""
 
 PROBING = 0.01
-"""Probability of a random action where predictions is tested: a game that is always played alike tells little."""
+"""Probability of a random action where predictions are tested: a game that is always played alike tells little."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -90,7 +90,7 @@ def _run(record: RunRecord, colour: str, defaults: Mapping[str, Any]) -> dict[st
         "samples": scenes.samples(record.gallery),
         "kinds": scenes.kinds(record.gallery),
         "learned": _learned(record),
-        "foresight": _foresight(record),
+        "predictions": _predictions(record),
         "has_map": any(row.get("map_nodes") for row in record.rows),
         "video": base64.b64encode(record.video).decode() if record.video else None,
         "has_video": record.has_video,
@@ -128,16 +128,16 @@ def _paths(record: RunRecord) -> list[dict[str, Any]]:
     return drawn
 
 
-def _foresight(record: RunRecord) -> dict[str, Any] | None:
+def _predictions(record: RunRecord) -> dict[str, Any] | None:
     """Draw how far a run sees ahead, and count what it predicted of gains and losses."""
     if record.predictions is None:
         return None
-    explained = {int(ahead): float(share) for ahead, share in record.foresight["explained"].items()}
-    counts = record.foresight["confusion"]  # rows: what came, a loss, nothing, a gain
+    explained = {int(ahead): float(share) for ahead, share in record.predictions["explained"].items()}
+    counts = record.predictions["confusion"]  # rows: what came, a loss, nothing, a gain
     title = f"Share of the variance of the states that {record.name} predicted, by decisions ahead"
     return {
         "chart": prediction_path(explained, title=title) if explained else None,
-        "decisions": record.foresight["decisions"],
+        "decisions": record.predictions["decisions"],
         "losses": (counts[0][0], sum(counts[0])),
         "gains": (counts[2][2], sum(counts[2])),
         "false_alarms": counts[1][0] + counts[1][2],

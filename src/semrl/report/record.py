@@ -47,7 +47,7 @@ class RunRecord:
         Of ``metrics.csv``: column → text.
     evaluation
         Content of ``evaluation.json``; None when the run was not evaluated.
-    foresight
+    predictions
         Content of ``predictions.json``; None when it was not tested what the run predicts, or it cannot.
     gallery
         Arrays of ``gallery.npz``; empty when there is none.

@@ -85,7 +85,7 @@ def named(values: Iterable[tuple[str, float]]) -> str:
     return ", ".join(f"{name} {number(value, 2)}" for name, value in values)
 
 
-def choice(e: Explanation) -> str:
+def shown_scenarios(e: Explanation) -> str:
     """Say how many scenarios are shown, of how many."""
     before = f", chosen from {number(e.n_imagined)}" if e.n_imagined > e.n_scenarios else ""
     return f"best {len(e.scenarios)} of {number(e.n_scenarios)} scenarios{before}"
