@@ -105,7 +105,7 @@ def test_scenarios_are_sorted_and_those_of_the_planner(map_run):
         for i, scenario in enumerate(told.scenarios):
             assert len(scenario.actions) == len(scenario.rewards) == HORIZON
             assert scenario.predicted_return == sum(scenario.rewards)  # nothing is discounted here
-            assert scenario.doubt is None  # one model
+            assert scenario.uncertainty is None  # one model
             assert [NAMES.index(name) for name in scenario.actions] == plan.scenarios.actions[i].tolist()
             on_path = [hop.source for hop in told.path]
             if scenario.progress is None:

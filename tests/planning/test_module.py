@@ -459,8 +459,8 @@ def test_who_explores_seeks_what_others_avoid():
 
     def doubtful(moment, sequences):
         told = imagined(moment, sequences)
-        doubts = (np.arange(len(told)) == 1).astype(np.float32)
-        return dataclasses.replace(told, rewards=0 * told.rewards, values=0 * told.values, doubts=doubts)
+        uncertainties = (np.arange(len(told)) == 1).astype(np.float32)
+        return dataclasses.replace(told, rewards=0 * told.rewards, values=0 * told.values, uncertainties=uncertainties)
 
     module.world_model.imagine = doubtful
     moment = Moment(states=np.zeros((1, D), np.float32), actions=np.zeros(0, np.int64), number=0)

@@ -32,7 +32,9 @@ class LineMap:
         return np.abs(states[:, :1] - self.graph_.node_means.T).argmin(axis=1)
 
 
-def ranked(ends, rewards=None, *, values=None, doubts=None, start=0.0, line=None, discount=1.0, caution=0.0):
+def ranked(
+    ends, rewards=None, *, values=None, uncertainties=None, start=0.0, line=None, discount=1.0, uncertainty_penalty=0.0
+):
     """Rank scenarios that end somewhere; each is known by its action, its number."""
     line = line or LineMap()
     ends = np.array(ends, np.float32)[:, None]
@@ -42,10 +44,18 @@ def ranked(ends, rewards=None, *, values=None, doubts=None, start=0.0, line=None
         states=np.repeat(ends[:, None], rewards.shape[1], axis=1),
         rewards=rewards,
         values=np.zeros(len(ends)) if values is None else np.array(values),
-        doubts=None if doubts is None else np.array(doubts),
+        uncertainties=None if uncertainties is None else np.array(uncertainties),
     )
     routes = plan_routes(line.graph_, LongTermConfig())
-    return rank(scenarios, np.array([[start]], np.float32), ends, line, routes, discount=discount, caution=caution)
+    return rank(
+        scenarios,
+        np.array([[start]], np.float32),
+        ends,
+        line,
+        routes,
+        discount=discount,
+        uncertainty_penalty=uncertainty_penalty,
+    )
 
 
 def order(plan):
@@ -171,12 +181,12 @@ def test_before_the_first_reward_the_scenario_that_ends_farthest_from_all_nodes_
 
 
 def test_doubt_counts_against_a_scenario_as_much_as_asked():
-    given = {"ends": [2.0, 2.0, 2.0], "rewards": [[1], [0.8], [0]], "doubts": [0.6, 0.1, 0.0]}
+    given = {"ends": [2.0, 2.0, 2.0], "rewards": [[1], [0.8], [0]], "uncertainties": [0.6, 0.1, 0.0]}
     assert order(ranked(**given)) == [0, 1, 2]
-    careful = ranked(**given, caution=1.0)
+    careful = ranked(**given, uncertainty_penalty=1.0)
     assert order(careful) == [1, 0, 2] and careful.returns == pytest.approx([0.7, 0.4, 0.0])
-    assert careful.scenarios.doubts.tolist() == [0.1, 0.6, 0.0]
-    assert order(ranked(**given, caution=9.0)) == [2, 1, 0]
+    assert careful.scenarios.uncertainties.tolist() == [0.1, 0.6, 0.0]
+    assert order(ranked(**given, uncertainty_penalty=9.0)) == [2, 1, 0]
 
 
 def test_nothing_given_is_changed():

@@ -75,7 +75,7 @@ def test_far_too_many_are_refused_in_one_short_line(depth):
 
 
 @pytest.mark.parametrize(
-    "values", [{"depth": 0}, {"depth": -1}, {"scenarios": -1}, {"scenarios": 4097}, {"kept_share": 1.5}]
+    "values", [{"depth": 0}, {"depth": -1}, {"scenarios": -1}, {"scenarios": 4097}, {"warm_start_fraction": 1.5}]
 )
 def test_bad_parameters_are_refused(values):
     with pytest.raises(UsageError, match=next(iter(values))):

@@ -184,8 +184,8 @@ def test_forests_doubt_what_they_disagree_about(world):
     _, rewards, values = world.forests.roll(
         world.inertia_, moment_of(test, t).window(4), moment_of(test, t).recent(3), sequences, world.relations_
     )
-    np.testing.assert_allclose(told.doubts, (rewards.sum(axis=2) + values).std(axis=0), atol=1e-6)
-    assert told.doubts.shape == (40,) and told.doubts.max() > 0
+    np.testing.assert_allclose(told.uncertainties, (rewards.sum(axis=2) + values).std(axis=0), atol=1e-6)
+    assert told.uncertainties.shape == (40,) and told.uncertainties.max() > 0
 
 
 def test_screened_scenarios_are_those_that_the_first_forests_think_best_of(world):
@@ -196,11 +196,17 @@ def test_screened_scenarios_are_those_that_the_first_forests_think_best_of(world
         whole, told, alone = (made.imagine(moment_of(test, t), sequences) for made in (world, screening, first))
         kept = np.sort(np.argsort(-(alone.rewards.sum(axis=1) + alone.values), kind="stable")[:10])
         np.testing.assert_array_equal(told.actions, sequences[kept])
-        for name in ("states", "rewards", "values", "doubts"):
+        for name in ("states", "rewards", "values", "uncertainties"):
             np.testing.assert_allclose(getattr(told, name), getattr(whole, name)[kept], atol=1e-6)
     few = sequences[:7]
     whole, told = (made.imagine(moment_of(test, 50), few) for made in (world, screening))
-    for name in ("actions", "states", "rewards", "values", "doubts"):  # too few to screen: all are asked about all
+    for name in (
+        "actions",
+        "states",
+        "rewards",
+        "values",
+        "uncertainties",
+    ):  # too few to screen: all are asked about all
         np.testing.assert_array_equal(getattr(told, name), getattr(whole, name))
 
 

@@ -107,14 +107,14 @@ def _rows(values: dict[str, str]) -> Table:
 
 def _scenarios(e: Explanation) -> Table:
     title = telling.shown_scenarios(e)
-    columns = ("", Column(title, min_width=WIDTH), "return", "doubt", "rewards", "ends in")
+    columns = ("", Column(title, min_width=WIDTH), "return", "uncertainty", "rewards", "ends in")
     table = Table(*columns, box=None, padding=(0, 2, 0, 0), header_style="dim")
     for scenario in e.scenarios:
         row = (
             str(scenario.rank),
             telling.compact(scenario.actions),
             telling.signed(scenario.predicted_return),
-            telling.doubt(scenario),
+            telling.uncertainty(scenario),
             telling.rewards(scenario.rewards),
             telling.ending(e, scenario),
         )

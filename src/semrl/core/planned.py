@@ -167,7 +167,7 @@ class Scenarios:
         ``(s, t)`` float32, the predicted sign of each action's reward; where several models are asked, their mean.
     values
         ``(s,)`` float32, the discounted return that is expected beyond the last state; 0 where none is.
-    doubts
+    uncertainties
         ``(s,)`` float32, standard deviation of the discounted return among the models that were asked; None where
         there is only one.
     """
@@ -176,7 +176,7 @@ class Scenarios:
     states: Floats
     rewards: Floats
     values: Floats
-    doubts: Floats | None = None
+    uncertainties: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.actions)
@@ -195,7 +195,7 @@ class Plan:
     scenarios
         All of them, the best first.
     returns
-        ``(s,)`` float64, predicted return of each, less what the doubt about it counts.
+        ``(s,)`` float64, predicted return of each, less what the uncertainty about it counts.
     end_nodes
         ``(s,)`` int64, position of the node each ends in, or −1 where there is no map yet.
     progress

@@ -210,7 +210,7 @@ class _Explained:
             actions=self._names(plan.scenarios.actions[i]),
             rewards=tuple(plan.scenarios.rewards[i].tolist()),
             predicted_return=float(plan.returns[i]),
-            doubt=None if plan.scenarios.doubts is None else float(plan.scenarios.doubts[i]),
+            uncertainty=None if plan.scenarios.uncertainties is None else float(plan.scenarios.uncertainties[i]),
             end_node=int(self.graph.node_ids[plan.end_nodes[i]]),
             progress=progress if progress >= 0 else None,
         )

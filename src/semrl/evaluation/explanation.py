@@ -71,8 +71,8 @@ class ImaginedScenario:
     rewards
         Predicted sign of the reward of each.
     predicted_return
-        Their sum, discounted as the planner does, with what is expected beyond, less what the doubt counts.
-    doubt
+        Their sum, discounted as the planner does, with what is expected beyond, less what the uncertainty counts.
+    uncertainty
         Standard deviation of the return among the models that were asked; None where there is only one.
     end_node
         Id of the node in which it ends.
@@ -84,7 +84,7 @@ class ImaginedScenario:
     actions: tuple[str, ...]
     rewards: tuple[float, ...]
     predicted_return: float
-    doubt: float | None
+    uncertainty: float | None
     end_node: int
     progress: int | None
 

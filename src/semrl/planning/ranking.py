@@ -32,7 +32,7 @@ def rank(
     routes: Routes,
     *,
     discount: float = 1.0,
-    caution: float = 0.0,
+    uncertainty_penalty: float = 0.0,
 ) -> Plan:
     """Sort scenarios by return, then progress along the path, then closeness to the node reached (§3.4.4).
 
@@ -49,8 +49,8 @@ def rank(
         The map and its long-term plan.
     discount
         What a reward counts one decision later.
-    caution
-        What doubts count.
+    uncertainty_penalty
+        What uncertainties count.
 
     Returns
     -------
@@ -62,8 +62,8 @@ def rank(
     weights = discount ** np.arange(scenarios.rewards.shape[1], dtype=np.float64)  # (t,)
     returns = (scenarios.rewards * weights).sum(axis=1)  # (s,); a matrix product would round equal rows differently
     returns += discount ** len(weights) * scenarios.values
-    if scenarios.doubts is not None:
-        returns -= caution * scenarios.doubts
+    if scenarios.uncertainties is not None:
+        returns -= uncertainty_penalty * scenarios.uncertainties
     node, path, end_nodes, progress, gaps = _places(start, ends, state_map, routes)
     novelty = len(graph) > 0 and not graph.rewards.any()
     order = np.lexsort((-gaps if novelty else gaps, -progress, -returns))
@@ -113,5 +113,5 @@ def _take(scenarios: Scenarios, order: Ints) -> Scenarios:
         states=scenarios.states[order],
         rewards=scenarios.rewards[order],
         values=scenarios.values[order],
-        doubts=None if scenarios.doubts is None else scenarios.doubts[order],
+        uncertainties=None if scenarios.uncertainties is None else scenarios.uncertainties[order],
     )

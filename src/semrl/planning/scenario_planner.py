@@ -72,5 +72,5 @@ class ScenarioPlanner:
             knowledge.state_map,
             knowledge.routes,
             discount=self.discount,
-            caution=penalty,
+            uncertainty_penalty=penalty,
         )

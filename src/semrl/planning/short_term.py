@@ -22,7 +22,7 @@ class ShortTermConfig:
     """Actions of a scenario."""
     scenarios: int = 0
     """Sequences that are tried, drawn at random with few changes of action (random shooting); 0: all there are."""
-    kept_share: float = 0.25
+    warm_start_fraction: float = 0.25
     """Of drawn sequences: share that begins like the plan before, the first of which is that plan."""
 
     def __post_init__(self) -> None:
@@ -30,8 +30,8 @@ class ShortTermConfig:
             raise UsageError(f"scenarios.depth must be 1 or more, not {self.depth}")
         if not 0 <= self.scenarios <= MAX_SCENARIOS:
             raise UsageError(f"scenarios.scenarios must lie in 0 … {MAX_SCENARIOS:,}, not {self.scenarios}")
-        if not 0 <= self.kept_share <= 1:
-            raise UsageError(f"scenarios.kept_share must lie in 0 … 1, not {self.kept_share}")
+        if not 0 <= self.warm_start_fraction <= 1:
+            raise UsageError(f"scenarios.warm_start_fraction must lie in 0 … 1, not {self.warm_start_fraction}")
 
 
 def action_sequences(n_actions: int, config: ShortTermConfig, *, number: int = 0, proposed: Ints | None = None) -> Ints:
@@ -93,8 +93,8 @@ def _drawn_sequences(n_actions: int, config: ShortTermConfig) -> tuple[Ints, Int
     rows = np.arange(count)[:, None]
     drawn = np.where(np.arange(depth) % 2, other[rows, stretch], held[rows, stretch])
     place = np.arange(count) % config.scenarios
-    kept = np.where(place < config.kept_share * config.scenarios, rng.integers(depth, size=count), 0)
-    kept[(place == 0) & (config.kept_share > 0)] = depth
+    kept = np.where(place < config.warm_start_fraction * config.scenarios, rng.integers(depth, size=count), 0)
+    kept[(place == 0) & (config.warm_start_fraction > 0)] = depth
     for shared in (drawn, kept):
         shared.flags.writeable = False
     return drawn, kept

@@ -135,9 +135,9 @@ def _links(hops: Iterable[PathEdge]) -> str:
     return "".join(f"{hop.source} ─{hop.action}→ " for hop in hops)
 
 
-def doubt(scenario: ImaginedScenario) -> str:
+def uncertainty(scenario: ImaginedScenario) -> str:
     """Say how far the models differ about a scenario."""
-    return "" if scenario.doubt is None else f"± {round(scenario.doubt, 4):.2g}"
+    return "" if scenario.uncertainty is None else f"± {round(scenario.uncertainty, 4):.2g}"
 
 
 def ending(e: Explanation, scenario: ImaginedScenario) -> str:

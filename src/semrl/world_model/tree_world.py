@@ -188,7 +188,7 @@ class TreeWorld:
             states=states,
             rewards=rewards.mean(axis=0),
             values=values.mean(axis=0),
-            doubts=self._returns(rewards, values).std(axis=0).astype(np.float32),
+            uncertainties=self._returns(rewards, values).std(axis=0).astype(np.float32),
         )
 
     def _returns(self, rewards: Floats, values: Floats) -> NDArray[np.float64]:
