@@ -14,7 +14,7 @@ Scale = Literal["tiny", "quick", "full"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lab:
+class Context:
     """Where an experiment measures.
 
     Attributes
@@ -80,5 +80,5 @@ class Experiment:
     section: str
     numbers: tuple[Number, ...]
     settings: Mapping[Scale, Any]
-    measure: Callable[[Any, Lab], Result]
+    measure: Callable[[Any, Context], Result]
     runs: Mapping[Scale, tuple[RunSpec, ...]] = field(default_factory=dict)

@@ -11,7 +11,7 @@ from semrl.core import Ints
 from semrl.perception.clustering import davies_bouldin, dunn, silhouette
 from semrl.perception.reduction.protocol import Reducer
 from semrl.training import RunConfig, preset
-from semrl_thesis.base import Experiment, Lab
+from semrl_thesis.base import Context, Experiment
 from semrl_thesis.figures import Bars, Curve, Curves, Figure, Panel, Picture, Pictures, Scatter
 from semrl_thesis.perception import Pretrained, new_run, objects_of, pretrain
 from semrl_thesis.results import Number, Result
@@ -79,13 +79,13 @@ class _Seen:
     explained: NDArray[np.float64]
 
 
-def measure(settings: Settings, lab: Lab) -> Result:
-    """Pretrain perception in each preset and judge it on a new run."""
+def measure(settings: Settings, context: Context) -> Result:
+    """Pretrain perception in each preset and evaluator it on a new run."""
     values: dict[str, float | None] = {}
     pretrained: dict[str, Pretrained] = {}
     seen: dict[str, _Seen] = {}
     for name, suffix in PRESETS.items():
-        lab.say(f"perception of preset {name}")
+        context.say(f"perception of preset {name}")
         config = preset(name, "birch", settings.overrides)
         pretrained[name] = pretrain(config, "classes")
         seen[name] = _look(pretrained[name], config, settings.frames)

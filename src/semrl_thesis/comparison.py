@@ -17,9 +17,9 @@ from semrl.perception.embedding.protocol import Embedder
 from semrl.perception.embedding.retrieval import embed
 from semrl.training import RunConfig
 from semrl.training.config import merge
-from semrl_thesis.base import Experiment, Lab, Scale
+from semrl_thesis.base import Context, Experiment, Scale
 from semrl_thesis.drift import cosines_to, probes_of
-from semrl_thesis.judging import Judge, call_judge
+from semrl_thesis.embedding_evaluation import Evaluator, call_judge
 from semrl_thesis.perception import NEW_RUN_SEED, PLAY_SEED, by_frame, make_embedder, pretrain
 from semrl_thesis.results import Number, Result
 from semrl_thesis.sweep import RunSpec
@@ -76,28 +76,28 @@ class Settings:
     overrides: Mapping[str, Any] = field(default_factory=dict)
 
 
-def measure(settings: Settings, lab: Lab) -> Result:
+def measure(settings: Settings, context: Context) -> Result:
     """Measure every candidate on the same scenes."""
     base = candidate_config(settings.overrides, {"embedder": "hashed"})
     perception = pretrain(base, "scene").perception
-    lab.say("play to learn from")
+    context.say("play to learn from")
     most = max(settings.documents, settings.drift[1])
     stream = watch(perception, base, most, base.seed + PLAY_SEED)
     validation = watch(perception, base, settings.validation, base.seed + NEW_RUN_SEED)
-    judge = call_judge(stream.first(settings.documents), validation)
-    values: dict[str, float | None] = {"comparison/direct-search/within-5": judge.best.within(5)}
+    evaluator = call_judge(stream.first(settings.documents), validation)
+    values: dict[str, float | None] = {"comparison/direct-search/within-5": evaluator.best.within(5)}
     notes, lacks = [], set()
     for name, candidate in CANDIDATES.items():
-        lab.say(f"embedding {name}")
+        context.say(f"embedding {name}")
         try:
             embedder = make_embedder(candidate_config(settings.overrides, candidate))
         except MissingExtraError as error:
             notes.append(f"{name} was left out: {error}")
             lacks.add(error.extra)
             continue
-        found = _measure(embedder, judge, stream, settings)
+        found = _measure(embedder, evaluator, stream, settings)
         values |= {f"comparison/{name}/{what}": value for what, value in found.items()}
-    played = [(spec, lab.ledger.score(spec)) for spec in RUNS[lab.scale]]
+    played = [(spec, context.ledger.score(spec)) for spec in RUNS[context.scale]]
     values |= {f"comparison/{spec.variant}/score": score.mean for spec, score in played if score}
     notes += [f"{spec.id} is not finished yet" for spec, score in played if not score]
     return Result(values=values, notes=tuple(notes), lacks=tuple(sorted(lacks)))
@@ -108,21 +108,23 @@ def candidate_config(overrides: Mapping[str, Any], perception: Mapping[str, Any]
     return by_frame("semrl", overrides, {"perception": perception})
 
 
-def _measure(embedder: Embedder, judge: Judge, stream: Watched, settings: Settings) -> dict[str, float | None]:
-    embedder.fit(judge.documents.scenes)
+def _measure(embedder: Embedder, evaluator: Evaluator, stream: Watched, settings: Settings) -> dict[str, float | None]:
+    embedder.fit(evaluator.documents.scenes)
     return {
-        **judge.judge(embedder),
-        "drift": _drift(embedder, stream.scenes, judge, settings.drift),
-        "microseconds": _microseconds(embedder, judge.validation.scenes, *settings.timed),
+        **evaluator.evaluator(embedder),
+        "drift": _drift(embedder, stream.scenes, evaluator, settings.drift),
+        "microseconds": _microseconds(embedder, evaluator.validation.scenes, *settings.timed),
     }
 
 
-def _drift(embedder: Embedder, scenes: Sequence[SceneGraph], judge: Judge, between: tuple[int, int]) -> float | None:
+def _drift(
+    embedder: Embedder, scenes: Sequence[SceneGraph], evaluator: Evaluator, between: tuple[int, int]
+) -> float | None:
     """Return the mean cosine between the vectors of probe scenes before and after further scenes."""
     if not isinstance(embedder, OnlineEmbedding):
         return 1.0  # learns nothing more, or never did
     start, end = between
-    learning, probes = OnlineEmbedding(embedder.config), probes_of(judge.validation)
+    learning, probes = OnlineEmbedding(embedder.config), probes_of(evaluator.validation)
     before = embed(learning.fit(scenes[:start]), probes)
     for scene in scenes[start:end]:
         learning.partial_fit(scene)

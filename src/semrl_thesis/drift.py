@@ -12,9 +12,9 @@ from semrl.core import Floats, SceneGraph
 from semrl.perception.embedding import OnlineEmbedding
 from semrl.perception.embedding.retrieval import cosine_similarities, embed
 from semrl.training import RunConfig
-from semrl_thesis.base import Experiment, Lab
+from semrl_thesis.base import Context, Experiment
+from semrl_thesis.embedding_evaluation import Evaluator, call_judge
 from semrl_thesis.figures import Curve, Curves, Figure
-from semrl_thesis.judging import Judge, call_judge
 from semrl_thesis.perception import NEW_RUN_SEED, PLAY_SEED, by_frame, make_embedder, pretrain
 from semrl_thesis.results import Number, Result
 from semrl_thesis.watching import Watched, watch
@@ -106,18 +106,18 @@ def turned_back(before: Floats, after: Floats) -> Floats:
     return np.asarray(after[1::2] @ rotation, dtype=np.float32)
 
 
-def measure(settings: Settings, lab: Lab) -> Result:
+def measure(settings: Settings, context: Context) -> Result:
     """Learn from one stream of scenes by every method, and look at the same probes on the way."""
     config = _config(settings, {})
     perception = pretrain(config, "scene").perception
-    lab.say("play to learn from")
+    context.say("play to learn from")
     stream = watch(perception, config, settings.looks[-1], config.seed + PLAY_SEED)
     validation = watch(perception, config, settings.validation, config.seed + NEW_RUN_SEED)
-    judge = call_judge(stream.first(settings.documents), validation)
+    evaluator = call_judge(stream.first(settings.documents), validation)
     courses = {}
     for name, method in METHODS.items():
-        lab.say(f"drift, {name}")
-        courses[name] = _follow(method, _config(settings, method.online), stream, judge, settings.looks)
+        context.say(f"drift, {name}")
+        courses[name] = _follow(method, _config(settings, method.online), stream, evaluator, settings.looks)
     values: dict[str, float | None] = {}
     for name, course in courses.items():
         values |= {f"drift/{name}/cosine": float(course.means[-1]), f"drift/{name}/lowest": course.lowest}
@@ -129,10 +129,10 @@ def _config(settings: Settings, online: Mapping[str, Any]) -> RunConfig:
     return by_frame("semrl", settings.overrides, {"perception": {"embedder": "online", "online": online}})
 
 
-def _follow(method: Method, config: RunConfig, stream: Watched, judge: Judge, looks: Sequence[int]) -> Course:
+def _follow(method: Method, config: RunConfig, stream: Watched, evaluator: Evaluator, looks: Sequence[int]) -> Course:
     embedder = make_embedder(config)
     assert isinstance(embedder, OnlineEmbedding)
-    seen = list(_looked_at(embedder, stream.scenes[: method.rests_after], probes_of(judge.validation), looks))
+    seen = list(_looked_at(embedder, stream.scenes[: method.rests_after], probes_of(evaluator.validation), looks))
     before = seen[0]
     cosines = [
         cosines_to(before[1::2], turned_back(before, after)) if method.aligned else cosines_to(before, after)
@@ -141,7 +141,7 @@ def _follow(method: Method, config: RunConfig, stream: Watched, judge: Judge, lo
     return Course(
         means=np.array([each.mean() for each in cosines]),
         lowest=float(np.quantile(cosines[-1], 0.01)),
-        quality=judge.judge(embedder),
+        quality=evaluator.evaluator(embedder),
     )
 
 

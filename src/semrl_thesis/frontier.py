@@ -9,11 +9,11 @@ import numpy as np
 from semrl.core.errors import MissingExtraError
 from semrl.evaluation.player import Policy
 from semrl.training.config import MODELS as ALL_MODELS
-from semrl_thesis.base import Experiment, Lab, Scale
+from semrl_thesis.base import Context, Experiment, Scale
+from semrl_thesis.baselines import VIEWS, Match, View, compete, result_name
 from semrl_thesis.figures import Curve, Curves, Figure
 from semrl_thesis.ledger import Ledger
 from semrl_thesis.results import Number, Result
-from semrl_thesis.rivals import VIEWS, Match, View, compete, result_name
 from semrl_thesis.scores import LOST
 from semrl_thesis.sweep import RunSpec
 from semrl_thesis.trials import Outcome, Trial
@@ -38,7 +38,7 @@ class Race:
     overrides
         Nested settings on top of the preset.
     match
-        What the rival is given, and how sticky actions are for all.
+        What the baseline is given, and how sticky actions are for all.
     """
 
     decisions: int = 100_000
@@ -81,27 +81,27 @@ def policies(model: str) -> tuple[Policy, ...]:
     return ("agent", "planner") if ALL_MODELS[model].plans else ("agent",)
 
 
-def measure(race: Race, lab: Lab) -> Result:
-    """Sum up all runs that are finished; when all are, let the rival compete."""
+def measure(race: Race, context: Context) -> Result:
+    """Sum up all runs that are finished; when all are, let the baseline compete."""
     values: dict[str, float | None] = {}
     curves = []
     for model in MODELS:
-        specs = [spec for spec in race.runs() if spec.model == model and lab.ledger.score(spec)]
+        specs = [spec for spec in race.runs() if spec.model == model and context.ledger.score(spec)]
         values[f"frontier/{model}/minutes"] = _middle(
-            [score.seconds / 60 for score in map(lab.ledger.score, specs) if score]
+            [score.seconds / 60 for score in map(context.ledger.score, specs) if score]
         )
         for policy in policies(model):
             id_, trials = f"frontier/{model}/{policy}", race.trials(policy)
-            values |= _ends(id_, _held(lab.ledger, specs, trials[0]))
-            values[f"{id_}/sticky"] = _mean(_held(lab.ledger, specs, trials[1]))
-            way = {trial.at: _mean(_held(lab.ledger, specs, trial)) for trial in trials[2:]}
+            values |= _ends(id_, _held(context.ledger, specs, trials[0]))
+            values[f"{id_}/sticky"] = _mean(_held(context.ledger, specs, trials[1]))
+            way = {trial.at: _mean(_held(context.ledger, specs, trial)) for trial in trials[2:]}
             values |= {f"{id_}/at-{at}": mean for at, mean in way.items()}
             curves.append(_curve(f"{model}, {policy}", way, race.decisions, values[f"{id_}/mean"]))
-    missing = [spec.id for spec in race.runs() if not lab.ledger.score(spec)]
-    ready = [view for view in VIEWS if not missing or lab.kept(result_name(view, race.match)).exists()]
+    missing = [spec.id for spec in race.runs() if not context.ledger.score(spec)]
+    ready = [view for view in VIEWS if not missing or context.kept(result_name(view, race.match)).exists()]
     notes, lacks = [], []
     try:
-        values |= _rivals(ready, race.match, lab)
+        values |= _rivals(ready, race.match, context)
     except MissingExtraError as error:
         notes, lacks = [str(error)], [error.extra]
     if missing:
@@ -109,12 +109,12 @@ def measure(race: Race, lab: Lab) -> Result:
     return Result(values=values, figures=(_figure(curves),), notes=tuple(notes), lacks=tuple(lacks))
 
 
-def _rivals(views: Sequence[View], match: Match, lab: Lab) -> dict[str, float]:
+def _rivals(views: Sequence[View], match: Match, context: Context) -> dict[str, float]:
     """Return the numbers of Stable-Baselines3's DQN."""
     values: dict[str, float] = {}
     for view in views:
-        lab.say(f"Stable-Baselines3's DQN, {view}")
-        told = compete(view, match, lab.kept(result_name(view, match)))
+        context.say(f"Stable-Baselines3's DQN, {view}")
+        told = compete(view, match, context.kept(result_name(view, match)))
         values |= {f"frontier/sb3-{view}/{what}": number for what, number in told.items()}
     return values
 

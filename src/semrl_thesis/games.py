@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from semrl.evaluation.player import Policy
-from semrl_thesis.base import Experiment, Lab, Scale
+from semrl_thesis.base import Context, Experiment, Scale
 from semrl_thesis.frontier import TINY
 from semrl_thesis.results import Number, Result
 from semrl_thesis.sweep import RunSpec
@@ -52,18 +52,18 @@ class Tour:
         )
 
 
-def measure(tour: Tour, lab: Lab) -> Result:
+def measure(tour: Tour, context: Context) -> Result:
     """Sum up all runs that are finished."""
     values: dict[str, float | None] = {}
     missing = []
     for spec in tour.runs():
-        score = lab.ledger.score(spec)
+        score = context.ledger.score(spec)
         if score is None:
             missing.append(spec.id)
             continue
         values[f"games/{spec.variant}/minutes"] = score.seconds / 60
         for trial in spec.trials:
-            if outcome := lab.ledger.outcome(spec, trial):
+            if outcome := context.ledger.outcome(spec, trial):
                 of = f"games/{spec.variant}/{trial.policy}"
                 values |= {f"{of}/mean": outcome.mean, f"{of}/min": outcome.min, f"{of}/max": outcome.max}
     notes = (f"not finished yet: {', '.join(missing)}",) if missing else ()

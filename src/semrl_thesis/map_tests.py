@@ -17,7 +17,7 @@ from semrl.planning.module import PlanningModule
 from semrl.planning.state_map import StateMap
 from semrl.training.config import MODELS
 from semrl.world_model import EpisodeRecord
-from semrl_thesis.base import Experiment, Lab
+from semrl_thesis.base import Context, Experiment
 from semrl_thesis.figures import Figure, Matrix, Network, Panel
 from semrl_thesis.prediction import SIGNS, examine
 from semrl_thesis.results import Number, Result, digest, joined, read_result, write_result
@@ -79,9 +79,9 @@ class _Tested:
     map: Network
 
 
-def measure(settings: Settings, lab: Lab) -> Result:
+def measure(settings: Settings, context: Context) -> Result:
     """Test the map models of every preset that were trained."""
-    result = joined([_of_run(spec, settings, lab) for spec in RUNS[lab.scale]])
+    result = joined([_of_run(spec, settings, context) for spec in RUNS[context.scale]])
     return replace(result, notes=(*result.notes, *_fewer_kinds(result.values)))
 
 
@@ -98,18 +98,18 @@ def _fewer_kinds(values: Mapping[str, float | None]) -> list[str]:
     return notes
 
 
-def _of_run(spec: RunSpec, settings: Settings, lab: Lab) -> Result:
+def _of_run(spec: RunSpec, settings: Settings, context: Context) -> Result:
     """Test a run, or tell what was kept of its test: that outlives the folder of the run."""
-    score = lab.ledger.score(spec)
+    score = context.ledger.score(spec)
     if score is None:
         return Result(values={}, notes=(f"{spec.id} was not tested: it is not finished yet",))
     name, known = f"ontology-{spec.id}.npz", digest(semrl.__version__, settings, score)
-    kept = read_result(path, known) if (path := lab.kept(name)).exists() else None
+    kept = read_result(path, known) if (path := context.kept(name)).exists() else None
     if kept:
         return kept
-    lab.say(f"next states, rewards and map of {spec.id}")
+    context.say(f"next states, rewards and map of {spec.id}")
     try:
-        player = load_player(lab.run_folder(spec), memory=True).under(exploration=PROBING)
+        player = load_player(context.run_folder(spec), memory=True).under(exploration=PROBING)
         planning = player.require_predictions(spec.id)
     except UsageError as error:
         return Result(values={}, notes=(f"{spec.id} was not tested: {error}",), whole=False)
@@ -120,7 +120,7 @@ def _of_run(spec: RunSpec, settings: Settings, lab: Lab) -> Result:
         kind, _, what = id_.partition("/")
         values[f"{kind}/{states}/{what}{suffix}"] = value
     result = Result(values=values, figures=_figures(states, spec.preset, test))
-    write_result(lab.folder / name, result, known)
+    write_result(context.folder / name, result, known)
     return result
 
 

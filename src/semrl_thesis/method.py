@@ -19,7 +19,7 @@ from semrl.perception.encoders import ENCODERS, Encoder
 from semrl.training import RunConfig
 from semrl.training.config import MODELS
 from semrl.world_model import NextStateNetwork
-from semrl_thesis.base import Experiment, Lab
+from semrl_thesis.base import Context, Experiment
 from semrl_thesis.figures import Figure, Layers, Picture, Pictures, Scene
 from semrl_thesis.perception import by_frame, new_run, pretrain
 from semrl_thesis.results import Result
@@ -41,9 +41,9 @@ class Settings:
     overrides: Mapping[str, Any] = field(default_factory=dict)
 
 
-def measure(settings: Settings, lab: Lab) -> Result:
+def measure(settings: Settings, context: Context) -> Result:
     """Take one frame through every step."""
-    lab.say("figures of the method")
+    context.say("figures of the method")
     config = _config("thesis", settings)
     detector = pretrain(config, "scene").perception.detector
     assert isinstance(detector, OtsuDetector)

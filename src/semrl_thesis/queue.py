@@ -69,7 +69,7 @@ class Queue:
         self._stops = 0
         self._told = time.monotonic()
 
-    def work_off(self, specs: Sequence[RunSpec], ledger: Ledger) -> None:
+    def run_all(self, specs: Sequence[RunSpec], ledger: Ledger) -> None:
         """Train what the ledger does not know yet, in this order.
 
         Raises

@@ -17,7 +17,7 @@ import semrl_thesis
 from semrl.core.errors import UsageError
 from semrl.core.files import make_folder
 from semrl.training.session import limited_threads
-from semrl_thesis.base import Experiment, Lab, Scale
+from semrl_thesis.base import Context, Experiment, Scale
 from semrl_thesis.ledger import read_ledger
 from semrl_thesis.queue import Queue
 from semrl_thesis.results import Result, Row, Section, digest, read_result, rows_of, write_result, write_rows
@@ -108,32 +108,32 @@ def reproduce(
     specs = _wanted(chosen, scale, order)
     make_folder(out)
     shipped = (SHIPPED,) if scale == SHIPPED_SCALE and not order.afresh else ()
-    lab = Lab(scale=scale, folder=out, ledger=read_ledger((out, *shipped)), shipped=shipped, say=say)
-    _tell_known(lab, specs)
+    context = Context(scale=scale, folder=out, ledger=read_ledger((out, *shipped)), shipped=shipped, say=say)
+    _tell_known(context, specs)
     with limited_threads(1):
         for experiment in chosen:
             if not experiment.runs:
-                _result(experiment, lab)
+                _result(experiment, context)
         queue = Queue(out, workers=order.workers, say=say)
         if order.workers:
-            queue.work_off(specs, lab.ledger)
-        lab = replace(lab, ledger=read_ledger(lab.folders))
+            queue.run_all(specs, context.ledger)
+        context = replace(context, ledger=read_ledger(context.folders))
         for experiment in chosen:
             if experiment.runs:
-                _result(experiment, lab)
-    sections = _sections(lab)
+                _result(experiment, context)
+    sections = _sections(context)
     write_rows(out / "results.csv", [row for section in sections for row in section.rows])
     named = {experiment.name for experiment in chosen}
     rows = tuple(row for section in sections if section.name in named for row in section.rows)
     return Reproduction(sections=sections, rows=rows, failures=queue.failed)
 
 
-def _tell_known(lab: Lab, specs: Sequence[RunSpec]) -> None:
+def _tell_known(context: Context, specs: Sequence[RunSpec]) -> None:
     """Say how many runs need not be trained because they were before, on another machine."""
-    own = read_ledger((lab.folder,))
-    known = [spec for spec in specs if lab.ledger.is_done(spec) and not own.is_done(spec)]
+    own = read_ledger((context.folder,))
+    known = [spec for spec in specs if context.ledger.is_done(spec) and not own.is_done(spec)]
     if known:
-        lab.say(f"{len(known)} of {len(specs)} runs are known from {SHIPPED}; --afresh trains them again")
+        context.say(f"{len(known)} of {len(specs)} runs are known from {SHIPPED}; --afresh trains them again")
 
 
 def _chosen(names: Sequence[str]) -> list[Experiment]:
@@ -158,12 +158,14 @@ def _wanted(chosen: Sequence[Experiment], scale: Scale, order: Order) -> list[Ru
     return cheapest_first(wanted) if order.order == "cheapest" else wanted
 
 
-def _result(experiment: Experiment, lab: Lab) -> None:
+def _result(experiment: Experiment, context: Context) -> None:
     """Measure an experiment, if that was not done yet with these settings and runs."""
-    settings = _fingerprint(experiment, lab)
-    if _kept(experiment, lab.folders, settings) is None:
+    settings = _fingerprint(experiment, context)
+    if _kept(experiment, context.folders, settings) is None:
         write_result(
-            lab.folder / f"{experiment.name}.npz", experiment.measure(experiment.settings[lab.scale], lab), settings
+            context.folder / f"{experiment.name}.npz",
+            experiment.measure(experiment.settings[context.scale], context),
+            settings,
         )
 
 
@@ -183,27 +185,29 @@ def _is_installed(extra: str) -> bool:
     return importlib.util.find_spec(EXTRAS[extra]) is not None
 
 
-def _fingerprint(experiment: Experiment, lab: Lab) -> str:
+def _fingerprint(experiment: Experiment, context: Context) -> str:
     """Tell settings and runs apart in a few characters."""
     known = [
-        (lab.ledger.score(spec), [lab.ledger.outcome(spec, trial) for trial in spec.trials])
-        for spec in experiment.runs.get(lab.scale, ())
+        (context.ledger.score(spec), [context.ledger.outcome(spec, trial) for trial in spec.trials])
+        for spec in experiment.runs.get(context.scale, ())
     ]
-    return digest(semrl.__version__, lab.scale, experiment.settings[lab.scale], experiment.numbers, known)
+    return digest(semrl.__version__, context.scale, experiment.settings[context.scale], experiment.numbers, known)
 
 
-def _sections(lab: Lab) -> tuple[Section, ...]:
+def _sections(context: Context) -> tuple[Section, ...]:
     """Return what is known of every experiment, measured now or before."""
     sections = []
     for experiment in discover().values():
-        result = _kept(experiment, lab.folders, _fingerprint(experiment, lab)) or _kept(experiment, lab.folders)
+        result = _kept(experiment, context.folders, _fingerprint(experiment, context)) or _kept(
+            experiment, context.folders
+        )
         if result:
             sections.append(
                 Section(
                     name=experiment.name,
                     title=experiment.title,
                     place=experiment.section,
-                    command=f"semrl reproduce {experiment.name} --scale {lab.scale}",
+                    command=f"semrl reproduce {experiment.name} --scale {context.scale}",
                     rows=tuple(rows_of(experiment.numbers, result.values)),
                     figures=result.figures,
                     notes=result.notes,

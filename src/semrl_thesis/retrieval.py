@@ -23,7 +23,7 @@ from semrl.perception.embedding.retrieval import (
     search,
 )
 from semrl.training import RunConfig
-from semrl_thesis.base import Experiment, Lab
+from semrl_thesis.base import Context, Experiment
 from semrl_thesis.perception import PLAY_SEED, by_frame, make_embedder, new_run, pretrain, random_play, scenes_of
 from semrl_thesis.results import Number, Result
 from semrl_thesis.retrieval_figures import EmbeddingTest, Validation, draw
@@ -127,13 +127,13 @@ class _Scenes:
     best: Retrieval
 
 
-def measure(settings: Settings, lab: Lab) -> Result:
+def measure(settings: Settings, context: Context) -> Result:
     """Test every candidate on the scenes of its preset."""
     scenes: dict[str, _Scenes] = {}
     tests: dict[str, EmbeddingTest] = {}
     notes, lacks = [], set()
     for name, candidate in CANDIDATES.items():
-        lab.say(f"embedding {name}")
+        context.say(f"embedding {name}")
         if candidate.preset not in scenes:
             scenes[candidate.preset] = _gather(candidate.preset, settings)
         try:

@@ -9,7 +9,7 @@ from scipy.stats import trim_mean
 
 from semrl.training.config import MODELS
 from semrl.training.metrics import running_mean
-from semrl_thesis.base import Experiment, Lab, Scale
+from semrl_thesis.base import Context, Experiment, Scale
 from semrl_thesis.figures import Curve, Curves, Figure
 from semrl_thesis.ledger import summed_up
 from semrl_thesis.results import Number, Result
@@ -90,17 +90,17 @@ SWEEPS: dict[Scale, Sweep] = {
 }
 
 
-def measure(runs: Mapping[str, Sequence[RunSpec]], lab: Lab) -> Result:
+def measure(runs: Mapping[str, Sequence[RunSpec]], context: Context) -> Result:
     """Sum up all runs that are finished."""
     values: dict[str, float | None] = {}
     for preset, specs in runs.items():
         suffix = "" if preset == "thesis" else f"@{preset}"
         for model in TABLE:
-            done = [spec for spec in specs if spec.model == model and lab.ledger.score(spec)]
-            values |= {f"{id_}{suffix}": value for id_, value in _values(model, done, lab).items()}
-    missing = [spec.id for specs in runs.values() for spec in specs if not lab.ledger.score(spec)]
+            done = [spec for spec in specs if spec.model == model and context.ledger.score(spec)]
+            values |= {f"{id_}{suffix}": value for id_, value in _values(model, done, context).items()}
+    missing = [spec.id for specs in runs.values() for spec in specs if not context.ledger.score(spec)]
     notes = (f"not finished yet: {', '.join(missing)}",) if missing else ()
-    return Result(values=values, figures=_figures(runs, lab), notes=notes)
+    return Result(values=values, figures=_figures(runs, context), notes=notes)
 
 
 def interquartile_mean(runs: Sequence[NDArray[np.float64]]) -> tuple[float, float | None, float | None]:
@@ -125,9 +125,9 @@ def _middle(runs: Sequence[NDArray[np.float64]]) -> float:
     return float(trim_mean(np.concatenate(runs), 0.25))
 
 
-def _values(model: str, done: Sequence[RunSpec], lab: Lab) -> dict[str, float | None]:
+def _values(model: str, done: Sequence[RunSpec], context: Context) -> dict[str, float | None]:
     """Sum up the finished runs of one model, all their last episodes together."""
-    returns = [last for last in map(lab.ledger.last_returns, done) if len(last)]
+    returns = [last for last in map(context.ledger.last_returns, done) if len(last)]
     values: dict[str, float | None] = {}
     if done:
         together = np.concatenate([np.zeros(0), *returns])
@@ -135,18 +135,18 @@ def _values(model: str, done: Sequence[RunSpec], lab: Lab) -> dict[str, float | 
     if returns:
         names = ("iqm", "iqm-low", "iqm-high")
         values |= {f"table4.1/{model}/{n}": v for n, v in zip(names, interquartile_mean(returns), strict=True)}
-    planned = [score.planner for spec in done if (score := lab.ledger.score(spec)) and score.planner is not None]
+    planned = [score.planner for spec in done if (score := context.ledger.score(spec)) and score.planner is not None]
     if planned:
         values[f"planner-alone/{model}/mean"] = float(np.mean(planned))
     return values
 
 
-def _figures(runs: Mapping[str, Sequence[RunSpec]], lab: Lab) -> tuple[Figure, ...]:
+def _figures(runs: Mapping[str, Sequence[RunSpec]], context: Context) -> tuple[Figure, ...]:
     curves = {
         preset: [
             Curve(label=spec.model, x=episodes[:, 0], y=episodes[:, 1])
             for spec in specs
-            if spec.seed == 0 and len(episodes := lab.ledger.episodes(spec))
+            if spec.seed == 0 and len(episodes := context.ledger.episodes(spec))
         ]
         for preset, specs in runs.items()
     }

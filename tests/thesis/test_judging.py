@@ -11,7 +11,7 @@ from semrl_thesis.comparison import CANDIDATES, MEASURED, candidate_config
 from semrl_thesis.comparison import EXPERIMENT as COMPARISON
 from semrl_thesis.drift import EXPERIMENT as DRIFT
 from semrl_thesis.drift import METHODS, cosines_to, turned_back
-from semrl_thesis.judging import call_judge
+from semrl_thesis.embedding_evaluation import call_judge
 from semrl_thesis.perception import make_embedder
 from semrl_thesis.watching import COORDINATES, Watched, watch
 
@@ -29,23 +29,23 @@ def pong_like(count: int, seed: int) -> Watched:
 
 
 @pytest.fixture(scope="module")
-def judge():
+def evaluator():
     return call_judge(pong_like(1500, 0), pong_like(400, 1))
 
 
-def test_places_as_phases_are_found_kept_and_read_off(judge):
-    found = judge.judge(FractionalEmbedding())
+def test_places_as_phases_are_found_kept_and_read_off(evaluator):
+    found = evaluator.evaluator(FractionalEmbedding())
     assert found["ratio"] > 0.9
     assert found["pearson"] < -0.9
     assert all(found[f"r2-{name.replace('_', '-')}"] > 0.98 for name in COORDINATES)
 
 
-def test_what_knows_nothing_is_found_out(judge):
+def test_what_knows_nothing_is_found_out(evaluator):
     class Blind(SlotsEmbedding):
         def transform(self, graph):
             return np.ones_like(super().transform(graph))
 
-    found = judge.judge(Blind())
+    found = evaluator.evaluator(Blind())
     assert found["ratio"] < 0.5
     assert np.isnan(found["pearson"])
     assert all(abs(found[f"r2-{name.replace('_', '-')}"]) < 0.5 for name in COORDINATES)

@@ -56,22 +56,22 @@ def test_a_stopped_queue_goes_on_and_ends_as_if_nothing_had_happened(tmp_path):
             os.kill(os.getpid(), signal.SIGTERM)
 
     with pytest.raises(SemrlError, match="the same command goes on"):
-        Queue(tmp_path, workers=2, say=say).work_off([SPEC], NOTHING)
+        Queue(tmp_path, workers=2, say=say).run_all([SPEC], NOTHING)
     assert said == ["run 1 of 1: semrl-semantic-3, 300 decisions"]
     queue = Queue(tmp_path, workers=1, say=said.append)
-    queue.work_off([SPEC], read_ledger([tmp_path]))
+    queue.run_all([SPEC], read_ledger([tmp_path]))
     ledger = read_ledger([tmp_path])
     score = ledger.score(SPEC)
     assert not queue.failed
     assert score is not None
     assert len(ledger.episodes(SPEC)) == score.episodes > 0
-    queue.work_off([SPEC], ledger)  # nothing to be done, so nothing is said
+    queue.run_all([SPEC], ledger)  # nothing to be done, so nothing is said
     assert len(said) == 3
 
     other = tmp_path / "unbroken"  # a run that is trained already is only entered
     (other / "runs").mkdir(parents=True)
     train(other / "runs" / SPEC.id, SPEC.config())
-    Queue(other, workers=1, say=said.append).work_off([SPEC], NOTHING)
+    Queue(other, workers=1, say=said.append).run_all([SPEC], NOTHING)
     unbroken = read_ledger([other]).score(SPEC)
     assert len(said) == 4
     assert replace(unbroken, seconds=score.seconds) == score
@@ -88,7 +88,7 @@ def test_a_worker_does_not_outlive_who_started_it(tmp_path):
 def test_a_run_that_fails_is_told_and_the_others_are_done(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "executable", "/bin/false")
     queue = Queue(tmp_path, workers=2, say=lambda _: None)
-    queue.work_off([SPEC], NOTHING)
+    queue.run_all([SPEC], NOTHING)
     assert queue.failed == {SPEC.id: "exit status 1"}
 
 
@@ -96,9 +96,9 @@ def test_a_run_with_other_settings_is_not_gone_on_with(tmp_path):
     (tmp_path / "runs").mkdir()
     RunFolder.create(tmp_path / "runs" / SPEC.id, TINY.config())
     with pytest.raises(UsageError, match="begun with other settings"):
-        Queue(tmp_path, workers=1, say=lambda _: None).work_off([SPEC], NOTHING)
+        Queue(tmp_path, workers=1, say=lambda _: None).run_all([SPEC], NOTHING)
 
 
 def test_two_queues_do_not_share_a_folder(tmp_path):
     with locked(tmp_path / "lock", ""), pytest.raises(UsageError, match="worked on by another process"):
-        Queue(tmp_path, workers=1, say=lambda _: None).work_off([SPEC], NOTHING)
+        Queue(tmp_path, workers=1, say=lambda _: None).run_all([SPEC], NOTHING)

@@ -12,7 +12,7 @@ from semrl.cli import main
 from semrl.evaluation import evaluate
 from semrl.training import train
 from semrl_thesis import reproduction
-from semrl_thesis.base import Lab
+from semrl_thesis.base import Context
 from semrl_thesis.ledger import Ledger, read_ledger
 from semrl_thesis.reproduction import discover
 from semrl_thesis.results import Result, read_result, rows_of, write_result
@@ -87,8 +87,8 @@ def test_everything_is_measured_and_told(out):
 def test_what_comes_with_the_package_needs_no_runs(out, tmp_path, monkeypatch, call):
     """Ledger and results count as done, and what was not asked for is on the page all the same."""
 
-    def unless_kept(experiment, lab):
-        assert reproduction._kept(experiment, lab.folders, reproduction._fingerprint(experiment, lab))
+    def unless_kept(experiment, context):
+        assert reproduction._kept(experiment, context.folders, reproduction._fingerprint(experiment, context))
 
     monkeypatch.setattr(reproduction, "SHIPPED", out)
     monkeypatch.setattr(reproduction, "SHIPPED_SCALE", "tiny")
@@ -103,13 +103,13 @@ def test_what_comes_with_the_package_needs_no_runs(out, tmp_path, monkeypatch, c
 
 def test_the_test_of_a_run_outlives_its_folder(out, tmp_path):
     ontology = discover()["ontology"]
-    lab = Lab(scale="tiny", folder=tmp_path, ledger=read_ledger([out]), shipped=(out,))
+    context = Context(scale="tiny", folder=tmp_path, ledger=read_ledger([out]), shipped=(out,))
     settings = ontology.settings["tiny"]
-    kept = ontology.measure(settings, lab)
+    kept = ontology.measure(settings, context)
     assert not (tmp_path / "runs").exists() and not any("was not tested" in note for note in kept.notes)
     assert kept.values == read_result(out / "ontology.npz").values
     assert {figure.number for figure in kept.figures} >= {"4.12", "4.15", "4.18"}
-    again = ontology.measure(replace(settings, decisions=99), lab)  # other settings: the folder is wanted, and gone
+    again = ontology.measure(replace(settings, decisions=99), context)  # other settings: the folder is wanted, and gone
     assert not again.values and len(again.notes) == 2
 
 
@@ -167,8 +167,8 @@ def test_interquartile_mean_and_its_interval():
 
 def test_without_runs_there_is_no_number(tmp_path):
     scores = discover()["scores"]
-    lab = Lab(scale="tiny", folder=tmp_path, ledger=Ledger(scores={}, returns={}, outcomes={}))
-    result = scores.measure(scores.settings["tiny"], lab)
+    context = Context(scale="tiny", folder=tmp_path, ledger=Ledger(scores={}, returns={}, outcomes={}))
+    result = scores.measure(scores.settings["tiny"], context)
     assert not result.values
     assert not result.figures
 
@@ -186,11 +186,14 @@ def test_what_lacked_an_extra_is_measured_again_once_it_is_there(tmp_path, monke
 def test_of_several_results_the_one_of_these_settings_is_told(tmp_path):
     experiment = discover()["clusters"]
     here, shipped = tmp_path / "here", tmp_path / "shipped"
-    lab = Lab(scale="tiny", folder=here, ledger=Ledger(scores={}, returns={}, outcomes={}), shipped=(shipped,))
-    for folder, leaves, settings in ((here, 1.0, "older"), (shipped, 14.0, reproduction._fingerprint(experiment, lab))):
+    context = Context(scale="tiny", folder=here, ledger=Ledger(scores={}, returns={}, outcomes={}), shipped=(shipped,))
+    for folder, leaves, settings in (
+        (here, 1.0, "older"),
+        (shipped, 14.0, reproduction._fingerprint(experiment, context)),
+    ):
         folder.mkdir()
         write_result(folder / "clusters.npz", Result(values={"birch/leaves": leaves}), settings)
-    (section,) = reproduction._sections(lab)
+    (section,) = reproduction._sections(context)
     assert {row.id: row.ours for row in section.rows}["birch/leaves"] == 14
 
 
@@ -204,6 +207,6 @@ def test_without_an_extra_the_rest_is_measured(out, monkeypatch):
     """Stable-Baselines3 is not there."""
     monkeypatch.setitem(sys.modules, "stable_baselines3", None)
     experiment = discover()["frontier"]
-    lab = Lab(scale="tiny", folder=out / "elsewhere", ledger=read_ledger([out]))
-    result = experiment.measure(experiment.settings["tiny"], lab)
+    context = Context(scale="tiny", folder=out / "elsewhere", ledger=read_ledger([out]))
+    result = experiment.measure(experiment.settings["tiny"], context)
     assert result.lacks == ("sb3",) and "pip install 'stable-baselines3>=" in result.notes[0]

@@ -41,7 +41,7 @@ NUMBERS = ("mean", "std", "sticky", "minutes")
 
 @dataclass(frozen=True, kw_only=True)
 class Match:
-    """What the rival is given.
+    """What the baseline is given.
 
     Attributes
     ----------
@@ -94,7 +94,7 @@ class RamCoordinates(gym.ObservationWrapper[NDArray[np.float32], Any, Any]):
 
 
 def compete(view: View, match: Match, kept: Path) -> dict[str, float]:
-    """Train and test the rival, if that was not done yet; its numbers are kept in a file.
+    """Train and test the baseline, if that was not done yet; its numbers are kept in a file.
 
     Returns
     -------
@@ -146,7 +146,7 @@ def _read(path: Path) -> dict[str, float]:
 
 
 def see(view: View, match: Match, sticky_actions: float = 0.0) -> Env:
-    """Make the game as the rival sees it: four grey images of 84×84 pixels, or coordinates."""
+    """Make the game as the baseline sees it: four grey images of 84×84 pixels, or coordinates."""
     env = make_env(match.env, EnvironmentConfig(max_noops=match.max_noops, sticky_actions=sticky_actions))
     if view == "ram":
         return RamCoordinates(env)

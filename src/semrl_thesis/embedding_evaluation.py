@@ -27,7 +27,7 @@ RIDGE = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judge:
+class Evaluator:
     """Scenes to learn from and scenes of new episodes, the same for all embeddings.
 
     Attributes
@@ -47,7 +47,7 @@ class Judge:
     best: Retrieval
     distances: NDArray[np.float64]
 
-    def judge(self, embedder: Embedder) -> dict[str, float]:
+    def evaluator(self, embedder: Embedder) -> dict[str, float]:
         """Measure an embedding that has learned.
 
         Returns
@@ -80,10 +80,10 @@ class Judge:
         return {f"r2-{name.replace('_', '-')}": float(r2) for name, r2 in zip(COORDINATES, shares, strict=True)}
 
 
-def call_judge(documents: Watched, validation: Watched) -> Judge:
+def call_judge(documents: Watched, validation: Watched) -> Evaluator:
     """Make ready what all embeddings are measured by."""
     here = validation.adjacent
-    return Judge(
+    return Evaluator(
         documents=documents,
         validation=validation,
         best=search(validation.scenes, documents.scenes),
