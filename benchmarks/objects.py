@@ -30,7 +30,7 @@ from scipy.optimize import linear_sum_assignment
 
 from semrl.core import IMAGE_SIZE_PX, Observation, Tracks
 from semrl.perception.encoders.objects import ObjectsEncoder
-from semrl.perception.tracking.habits import LEAST_MOVING_SHARE
+from semrl.perception.tracking.slot_statistics import LEAST_MOVING_SHARE
 from semrl.training import RunConfig, preset
 from semrl.training.session import limited_threads
 from semrl_thesis.perception import new_run, pretrain
@@ -89,7 +89,7 @@ def score_game(game: str, arguments: Arguments) -> dict[str, Any]:
     config = preset("semrl", "objects", {"env": f"{game}NoFrameskip-v4", "seed": arguments.seed})
     encoder = pretrain(config, "objects").encoder
     assert isinstance(encoder, ObjectsEncoder)
-    roles = encoder.perception.roles
+    roles = encoder.perception.slot_assigner
     truths: list[list[Truth]] = []
     followed: list[Found] = []
     told: list[Found] = []

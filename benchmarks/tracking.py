@@ -25,7 +25,7 @@ from semrl.core import IMAGE_SIZE_PX, Observation, Outcome
 from semrl.envs import Game, make_env
 from semrl.perception.encoders.objects import ObjectsEncoder
 from semrl.perception.pretraining.schedule import PretrainingSchedule
-from semrl.perception.tracking import Roles
+from semrl.perception.tracking import SlotAssigner
 from semrl.training import preset
 from semrl.training.session import limited_threads
 
@@ -87,8 +87,8 @@ def main(arguments: Arguments) -> None:
             "decisions": arguments.decisions,
             "perception_decisions": learning,
             "rallies": int(recorded.rallies[-1]),
-            "slots": len(perception.roles.slots_),
-            "objects": {name: score(recorded, perception.roles, name) for name in OBJECTS},
+            "slots": len(perception.slot_assigner.slots_),
+            "objects": {name: score(recorded, perception.slot_assigner, name) for name in OBJECTS},
             "microseconds": recorded.microseconds,
             "machine": machine.describe(),
         }
@@ -117,7 +117,7 @@ def learn_to_see(game: Game, rng: np.random.Generator) -> tuple[ObjectsEncoder, 
 def record(encoder: ObjectsEncoder, game: Game, rng: np.random.Generator, decisions: int) -> Recorded:
     """Play and note what RAM and perception say."""
     ram, slots, ids, rallies, rally, in_play = [], [], [], [], 0, False
-    clock, slots_in_use = Clock(encoder), encoder.perception.roles.slots_.tolist()
+    clock, slots_in_use = Clock(encoder), encoder.perception.slot_assigner.slots_.tolist()
     for outcome, begins in play(game, rng, decisions):
         if begins:
             clock.begin()
@@ -193,7 +193,7 @@ def first(game: Game) -> Outcome:
     return Outcome(observation=game.reset(), reward=0.0, terminated=False, truncated=False)
 
 
-def score(recorded: Recorded, roles: Roles, name: str) -> dict[str, Any]:
+def score(recorded: Recorded, roles: SlotAssigner, name: str) -> dict[str, Any]:
     """Compare one object with the slot that fits it best."""
     y, x = OBJECTS[name]
     ram = recorded.ram
@@ -211,7 +211,7 @@ def score(recorded: Recorded, roles: Roles, name: str) -> dict[str, Any]:
         "max_px": float(error.max()),
         "switches": int((np.diff(ids)[same_rally] != 0).sum()),
         "slot": slot,
-        "influence": float(roles.influence_[role]),
+        "influence": float(roles.controllability_[role]),
         "controlled": bool(roles.controlled_[role]),
     }
 

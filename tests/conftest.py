@@ -21,7 +21,7 @@ SETTINGS: dict[str, Any] = {
     "perception.otsu.threshold_frames": 4,
     "perception.scene.scenery_frames": 12,
     "perception.foreground.background_frames": 12,
-    "perception.roles.frames": 30,
+    "perception.slot_assigner.frames": 30,
     "stability.batches": 4,
     "stability.decisions": 0,
     "stability.max_batches": 12,

@@ -12,7 +12,7 @@ from semrl.core.arrays import digest
 from semrl.core.errors import SemrlError, UsageError
 
 QUICK = {
-    "perception": {"foreground": {"background_frames": 20}, "roles": {"frames": 40}},
+    "perception": {"foreground": {"background_frames": 20}, "slot_assigner": {"frames": 40}},
     "stability": {"decisions": 80, "batches": 10, "max_batches": 40},
     "planning": {"scenarios": {"depth": 4, "scenarios": 8}, "trees": {"first_decisions": 60, "new_decisions": 30}},
 }

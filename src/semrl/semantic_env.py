@@ -66,7 +66,7 @@ class SemanticEnv(gym.Wrapper[Shown, Any, Frame, Any], gym.utils.RecordConstruct
     --------
     >>> from semrl import make_env, preset
     >>> quick = {"stability": {"decisions": 60}, "perception": {"foreground": {"background_frames": 30},
-    ...          "roles": {"frames": 30}}}
+    ...          "slot_assigner": {"frames": 30}}}
     >>> env = SemanticEnv(make_env("semrl/Catch-v0"), preset("semrl", "objects-map", quick))
     >>> shown, info = env.reset(seed=0)
     >>> sorted(shown)

@@ -167,7 +167,7 @@ TINY = {
         "otsu": {"threshold_frames": 5},
         "scene": {"scenery_frames": 5},
         "foreground": {"background_frames": 20},
-        "roles": {"frames": 30},
+        "slot_assigner": {"frames": 30},
         "doc2vec": {"dimension": 16, "epochs": 2},
         "online": {"buckets": 512},
     },

@@ -182,7 +182,7 @@ def _numbers() -> tuple[Number, ...]:
 
 TINY = {
     "env": "semrl/Catch-v0",
-    "perception": {"foreground": {"background_frames": 20}, "roles": {"frames": 30}},
+    "perception": {"foreground": {"background_frames": 20}, "slot_assigner": {"frames": 30}},
     "stability": {"batches": 5, "max_batches": 20, "decisions": 60},
     "dqn": {"network": {"hidden_units": [8]}, "batch_size": 8, "learning_starts": 20, "train_freq": 10},
     "planning": {

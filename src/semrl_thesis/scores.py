@@ -63,7 +63,7 @@ SWEEPS: dict[Scale, Sweep] = {
                 "otsu": {"threshold_frames": 5},
                 "scene": {"scenery_frames": 5},
                 "foreground": {"background_frames": 20},
-                "roles": {"frames": 30},
+                "slot_assigner": {"frames": 30},
             },
             "stability": {"batches": 5, "max_batches": 20},
             "evaluation": {"max_noops": 0},

@@ -222,7 +222,7 @@ def documented_fields(config_class):
 
 def test_all_estimators_are_found():
     assert {"OtsuDetector", "ObjectPCA", "Birch", "CFTree", "Doc2VecEmbedding", "HashedEmbedding"} <= set(ESTIMATORS)
-    assert {"ForegroundDetector", "KMeansDetector", "Roles"} <= set(ESTIMATORS)
+    assert {"ForegroundDetector", "KMeansDetector", "SlotAssigner"} <= set(ESTIMATORS)
     assert {"KMeans", "SelfOrganisingMap", "SVMClassifier"} <= set(ESTIMATORS)
     assert {"StateMap", "NextStateNetwork", "RewardSVM", "RewardNetwork"} <= set(ESTIMATORS)
 

@@ -223,7 +223,9 @@ def test_slots_are_drawn_with_their_identities(objects_run):
     for i, step in enumerate(player.episode(0, 0)):
         state, seen = sight.look(episode, step.observation)
         np.testing.assert_array_equal(state.facts, step.state.facts)
-        assert len(seen.names) == len(seen.boxes_px) == len(seen.classes) <= len(encoder.perception.roles.slots_)
+        assert (
+            len(seen.names) == len(seen.boxes_px) == len(seen.classes) <= len(encoder.perception.slot_assigner.slots_)
+        )
         if i > 8:
             break
     assert seen.names and all(name.startswith(("own", "object ")) for name in seen.names)

@@ -13,7 +13,7 @@ from semrl.perception.embedding import HashedEmbeddingConfig
 from semrl.perception.encoders import ENCODERS
 from semrl.perception.pretraining.schedule import PretrainingSchedule
 from semrl.perception.pretraining.stability import StabilityConfig
-from semrl.perception.tracking import RolesConfig
+from semrl.perception.tracking import SlotAssignerConfig
 
 # With the thesis's wide threshold a ball may be of one class with pieces of the wall.
 CONFIG = PerceptionConfig(
@@ -22,7 +22,7 @@ CONFIG = PerceptionConfig(
     otsu=DetectionConfig(threshold_frames=20),
     foreground=ForegroundConfig(background_frames=50),
     birch=BirchConfig(threshold=0.25),
-    roles=RolesConfig(frames=60),
+    slot_assigner=SlotAssignerConfig(frames=60),
 )
 SOON = StabilityConfig(batches=4, max_batches=40, max_difference=0.0, min_agreement=1.0)
 """Reducer and clusterer take 40 batches each."""

@@ -131,7 +131,7 @@ def slow_config(tiny):
         decisions=N_DECISIONS,
         checkpoint_seconds=0.03,
         perception__foreground__background_frames=LENGTHS["detection"],
-        perception__roles__frames=LENGTHS["roles"],
+        perception__slot_assigner__frames=LENGTHS["roles"],
         stability__batches=20,
         stability__max_batches=LENGTHS["reduction"],
         **TRACKED,

@@ -14,7 +14,7 @@ from semrl.perception.embedding import HashedEmbeddingConfig
 from semrl.perception.encoders import ENCODERS
 from semrl.perception.pretraining.schedule import PretrainingSchedule
 from semrl.perception.pretraining.stability import StabilityConfig
-from semrl.perception.tracking import RolesConfig
+from semrl.perception.tracking import SlotAssignerConfig
 from semrl.planning.module import PlanningConfig, PlanningModule
 from semrl.planning.scenario_planner import ScenarioPlannerConfig
 from semrl.training.loop import EpisodeView, play
@@ -26,7 +26,7 @@ CONFIG = PerceptionConfig(
     embedder="hashed",
     hashed=HashedEmbeddingConfig(dimension=16),
     foreground=ForegroundConfig(background_frames=30),
-    roles=RolesConfig(frames=40),
+    slot_assigner=SlotAssignerConfig(frames=40),
 )
 PLANNING = PlanningConfig(
     world_model="trees",

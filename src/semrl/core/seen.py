@@ -88,7 +88,7 @@ class Tracks:
     moves
         ``(n,)`` int64, decisions at which it was seen in another place than before.
     roles
-        ``(n,)`` int64, the role that each has (`semrl.perception.tracking.Roles`); −1 for none.
+        ``(n,)`` int64, the role that each has (`semrl.perception.tracking.SlotAssigner`); −1 for none.
     born
         ``()`` int64, how many there were so far in the episode: the next identity.
     """

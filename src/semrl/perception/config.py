@@ -19,7 +19,7 @@ from semrl.perception.embedding import (
 from semrl.perception.embedding.protocol import Embedder
 from semrl.perception.reduction import PCAConfig
 from semrl.perception.reduction.protocol import Reducer
-from semrl.perception.tracking import RolesConfig, TrackingConfig
+from semrl.perception.tracking import SlotAssignerConfig, TrackingConfig
 
 DETECTORS: Registry[Detector] = Registry(
     "detectors",
@@ -83,7 +83,7 @@ class PerceptionConfig:
     """A support vector machine that learns Birch's classes."""
     tracking: TrackingConfig = field(default_factory=TrackingConfig)
     """Which object is which from decision to decision."""
-    roles: RolesConfig = field(default_factory=RolesConfig)
+    slot_assigner: SlotAssignerConfig = field(default_factory=SlotAssignerConfig)
     """Which of the tracked objects have a place in the state."""
     scene: SceneGraphConfig = field(default_factory=SceneGraphConfig)
     """Which objects a scene has, and which of them are joined."""

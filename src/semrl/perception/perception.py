@@ -15,7 +15,7 @@ from semrl.core.protocols import Persistent
 from semrl.perception.config import CLUSTERERS, EMBEDDERS, REDUCERS, PerceptionConfig, make_detector
 from semrl.perception.embedding import Scenery, build_scene_graph
 from semrl.perception.embedding.protocol import Embedder
-from semrl.perception.tracking import Roles, follow, no_tracks
+from semrl.perception.tracking import SlotAssigner, follow, no_tracks
 
 
 class Perception:
@@ -45,7 +45,7 @@ class Perception:
         self.reducer = REDUCERS.make(config.reducer, config)
         self.clusterer = CLUSTERERS.make(config.clusterer, config)
         self.scenery = Scenery()
-        self.roles = Roles(config.roles)
+        self.slot_assigner = SlotAssigner(config.slot_assigner)
         self._embedder = EMBEDDERS.make(config.embedder, config) if embedded else None
         self._known = Memo(self._classify, self.detector.crop_size_px**2, np.int32)  # the bits of a crop → its class
         self._learned: tuple[object, object] | None = None
@@ -80,7 +80,7 @@ class Perception:
 
     def assign(self, tracks: Tracks) -> Tracks:
         """Give the tracks their roles."""
-        return replace(tracks, roles=self.roles.predict(tracks))
+        return replace(tracks, roles=self.slot_assigner.predict(tracks))
 
     def scene(self, frame: Frame) -> SceneGraph:
         """Write a single frame as a scene graph (§3.2.3)."""
@@ -97,7 +97,7 @@ class Perception:
 
     def listed_scene(self, facts: Floats) -> SceneGraph:
         """Write a list of tracked objects as a scene graph."""
-        return build_scene_graph(*self.roles.read(facts), self.config.scene.proximity_px)
+        return build_scene_graph(*self.slot_assigner.read(facts), self.config.scene.proximity_px)
 
     def to_arrays(self) -> Arrays:
         """Return what every box has learned."""
@@ -114,7 +114,7 @@ class Perception:
             "reducer": self.reducer,
             "clusterer": self.clusterer,
         }
-        boxes |= {"roles": self.roles} if self.tracked else {"scenery": self.scenery}
+        boxes |= {"slot_assigner": self.slot_assigner} if self.tracked else {"scenery": self.scenery}
         return boxes | ({"embedder": self._embedder} if self._embedder else {})
 
     def _classify(self, crops: Ints) -> Ints:

@@ -54,7 +54,7 @@ def test_scenery_is_only_left_out_when_asked_for(omit_scenery):
 def test_objects_shows_the_list_of_what_moves():
     encoder = learned("objects")
     names, episode = encoder.space.names, encoder.begin()
-    roles = encoder.perception.roles
+    roles = encoder.perception.slot_assigner
     assert len(names) == len(roles.slots_) * len(SLOT_NUMBERS) and any(name.startswith("own") for name in names)
     for observation in EPISODE:
         state = episode.encode(observation)

@@ -13,13 +13,13 @@ from semrl.perception.detection import ForegroundConfig
 from semrl.perception.embedding import HashedEmbeddingConfig, OnlineEmbeddingConfig, SceneGraphConfig
 from semrl.perception.encoders import ENCODERS
 from semrl.perception.pretraining.stability import StabilityConfig
-from semrl.perception.tracking import RolesConfig
+from semrl.perception.tracking import SlotAssignerConfig
 
 HASHED = PerceptionConfig(
     embedder="hashed",
     hashed=HashedEmbeddingConfig(dimension=32),
     foreground=ForegroundConfig(background_frames=50),
-    roles=RolesConfig(frames=30),
+    slot_assigner=SlotAssignerConfig(frames=30),
 )
 # With the thesis's wide threshold a ball may be of one kind with pieces of the wall.
 SCENERY = replace(

@@ -10,7 +10,7 @@ from semrl.core.arrays import Arrays, nest, unnest
 from semrl.perception.config import PerceptionConfig
 from semrl.perception.perception import Perception
 from semrl.perception.pretraining.stability import StabilityConfig
-from semrl.perception.pretraining.stages import ClustererStage, DetectorStage, ReducerStage, RolesStage, Stage
+from semrl.perception.pretraining.stages import ClustererStage, DetectorStage, ReducerStage, SlotsStage, Stage
 from semrl.perception.tracking import AXES, SLOT_NUMBERS
 
 PERCENT = 0.01
@@ -33,7 +33,7 @@ class ObjectsEncoder:
     @property
     def is_fitted(self) -> bool:
         """Whether roles are known."""
-        return self.perception.roles.is_fitted
+        return self.perception.slot_assigner.is_fitted
 
     def stages(self, config: StabilityConfig) -> Sequence[Stage]:
         """Return those of detector, reducer, clusterer and roles."""
@@ -73,13 +73,13 @@ class TrackedEpisode:
         return self._write(self.facts(observation))
 
     def facts(self, observation: Observation) -> Floats:
-        """Move the tracks on by one observation and return the list, ``(k,)`` float32; see `Roles.transform`."""
+        """Move the tracks on by one observation and return the list, ``(k,)`` float32; see `SlotAssigner.transform`."""
         self.tracks = self._perception.assign(self._perception.track(self.tracks, observation.frame))
-        return self._perception.roles.transform(self.tracks)
+        return self._perception.slot_assigner.transform(self.tracks)
 
     def look(self) -> Sight:
         """Show the tracks that have a slot, each with the name of its role and its identity."""
-        tracks, roles = self.tracks, self._perception.roles
+        tracks, roles = self.tracks, self._perception.slot_assigner
         slots = roles.slots_.tolist()
         listed = np.flatnonzero(tracks.visible & np.isin(tracks.roles, slots))
         labels = np.zeros((IMAGE_SIZE_PX, IMAGE_SIZE_PX), np.int64)
@@ -100,8 +100,10 @@ class TrackedEpisode:
 
 def listed_space(perception: Perception, before: int = 0) -> StateSpace:
     """Return the space of states that are a list of tracked objects, behind so many other numbers."""
-    roles = perception.roles
-    axes = np.tile([AXES.index(name) if name in AXES else -1 for name in SLOT_NUMBERS], perception.config.roles.slots)
+    roles = perception.slot_assigner
+    axes = np.tile(
+        [AXES.index(name) if name in AXES else -1 for name in SLOT_NUMBERS], perception.config.slot_assigner.slots
+    )
     return StateSpace(
         shape=(before + roles.dimension,),
         n_facts=roles.dimension,
@@ -117,5 +119,5 @@ def tracking_stages(perception: Perception, config: StabilityConfig) -> list[Sta
         DetectorStage(perception),
         ReducerStage(perception, config),
         ClustererStage(perception, config),
-        RolesStage(perception),
+        SlotsStage(perception),
     ]

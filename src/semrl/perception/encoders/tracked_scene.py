@@ -34,7 +34,7 @@ class TrackedSceneEncoder:
     @property
     def is_fitted(self) -> bool:
         """Whether roles are known and scenes can be embedded."""
-        return self.perception.roles.is_fitted and self.perception.embedder.is_fitted
+        return self.perception.slot_assigner.is_fitted and self.perception.embedder.is_fitted
 
     def stages(self, config: StabilityConfig) -> Sequence[Stage]:
         """Return those of detector, reducer, clusterer, roles and embedder."""

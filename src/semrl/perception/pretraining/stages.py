@@ -186,7 +186,7 @@ class SceneryStage(Stage):
         return self.batches_ >= self.target
 
 
-class RolesStage(Stage):
+class SlotsStage(Stage):
     """Follow objects and see which of them move, and by what."""
 
     name = "roles"
@@ -194,15 +194,15 @@ class RolesStage(Stage):
     def __init__(self, perception: Perception) -> None:
         super().__init__()
         self.perception = perception
-        self.target = perception.config.roles.frames
+        self.target = perception.config.slot_assigner.frames
         self._tracks = perception.begin()
 
     def _learn(self, observation: Observation, action: int | None) -> bool:
         before = self.perception.begin() if action is None else self._tracks
         tracks = self.perception.track(before, observation.frame)
-        self.perception.roles.partial_fit(tracks, action)
+        self.perception.slot_assigner.partial_fit(tracks, action)
         self._tracks = self.perception.assign(tracks)
-        return self.perception.roles.is_fitted
+        return self.perception.slot_assigner.is_fitted
 
     def to_arrays(self) -> Arrays:
         """Return the tracks of the episode as well."""

@@ -13,7 +13,7 @@ LEAST_STEPS = 5
 """For each action, on average; before, the largest of several ratios is a matter of chance."""
 
 
-class Influence:
+class Controllability:
     """For each role, how much of the variance of its steps the actions explain.
 
     The correlation ratio η² is the variance between the mean steps of the actions, as a share of the whole

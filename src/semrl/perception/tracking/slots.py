@@ -11,9 +11,9 @@ from semrl.core import IMAGE_SIZE_PX, Floats, Ints, Tracks
 from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.errors import DataError, UsageError
 from semrl.core.kernels import compiled
+from semrl.perception.tracking.controllability import Controllability
 from semrl.perception.tracking.following import MOVED_PX
-from semrl.perception.tracking.habits import LEAST_MOVING_SHARE, NEVER, STEADY_DECISIONS, Habits, costs
-from semrl.perception.tracking.influence import Influence
+from semrl.perception.tracking.slot_statistics import LEAST_MOVING_SHARE, NEVER, STEADY_DECISIONS, SlotStatistics, costs
 
 SLOT_NUMBERS = ("x", "y", "seen")
 """What is told of each slot."""
@@ -27,14 +27,14 @@ LEAST_SEEN_SHARE = 0.02
 LEAST_SPREAD_PX = 2.0
 """Standard deviation of its places that a role must have: the digits of a clock change, but stay where they are."""
 
-LEAST_INFLUENCE = 0.2
+LEAST_CONTROLLABILITY = 0.2
 """Share of the variance of a role's steps that the actions must explain, else it is not controlled."""
 
 _MOST_ROLES = 64
 
 
 @dataclass(frozen=True, kw_only=True)
-class RolesConfig:
+class SlotAssignerConfig:
     """What of the tracks an agent is told."""
 
     frames: int = 500
@@ -47,7 +47,7 @@ class RolesConfig:
             raise UsageError(f"roles.frames and roles.slots must be 1 or more, not {self.frames} and {self.slots}")
 
 
-class Roles:
+class SlotAssigner:
     """Parts that objects play again and again, and the fixed vector that tells of them.
 
     Identities end with an episode, and sooner where an object leaves the image; a role stays. It is known by its
@@ -55,12 +55,12 @@ class Roles:
     fits no free role founds one. Whoever fits best has the role (all pairs at once, by likelihood; who has it
     keeps it if in uncertainty). After `frames` of random play roles of one kind that take turns become one, and the roles
     that move are given slots, ordered by kind, the older first; what stands still gets none. Whether the actions move
-    it is measured as well: see `Influence`.
+    it is measured as well: see `Controllability`.
 
     Parameters
     ----------
     config
-        See `RolesConfig`.
+        See `SlotAssignerConfig`.
 
     Attributes
     ----------
@@ -70,12 +70,12 @@ class Roles:
         ``(k,)`` int64, the role in each slot, at most ``slots``; empty while roles are still being learned.
     """
 
-    def __init__(self, config: RolesConfig | None = None) -> None:
-        self.config = config or RolesConfig()
+    def __init__(self, config: SlotAssignerConfig | None = None) -> None:
+        self.config = config or SlotAssignerConfig()
         self.frames_ = 0
         self.slots_: Ints = np.zeros(0, np.int64)
-        self._habits = Habits()
-        self._influence = Influence()
+        self._statistics = SlotStatistics()
+        self._controllability = Controllability()
         self._know()
 
     @property
@@ -91,33 +91,33 @@ class Roles:
     @property
     def kinds_(self) -> Ints:
         """The class that each role mostly has, ``(r,)`` int64."""
-        return np.asarray(self._habits.classes.argmax(axis=1)) if len(self._habits) else np.zeros(0, np.int64)
+        return np.asarray(self._statistics.classes.argmax(axis=1)) if len(self._statistics) else np.zeros(0, np.int64)
 
     @property
     def means_px_(self) -> NDArray[np.float64]:
         """Mean centre of each role, ``(r, 2)``, row and column."""
-        return self._habits.means.copy()
+        return self._statistics.means.copy()
 
     @property
     def seen_(self) -> NDArray[np.float64]:
         """Share of the frames in which each role was seen, ``(r,)``."""
-        return np.asarray(self._habits.seen / max(self.frames_, 1))
+        return np.asarray(self._statistics.seen / max(self.frames_, 1))
 
     @property
     def moving_(self) -> NDArray[np.float64]:
         """Share of the decisions at which each role moved, ``(r,)``."""
-        moved, could = self._habits.moves.T
+        moved, could = self._statistics.moves.T
         return np.asarray(moved / np.maximum(could, 1))
 
     @property
-    def influence_(self) -> NDArray[np.float64]:
+    def controllability_(self) -> NDArray[np.float64]:
         """Share of the variance of each role's steps that the actions explain, ``(r,)``."""
-        return self._influence.shares(len(self._habits))
+        return self._controllability.shares(len(self._statistics))
 
     @property
     def controlled_(self) -> NDArray[np.bool_]:
         """Whether the actions move each role, ``(r,)``."""
-        return self.influence_ >= LEAST_INFLUENCE
+        return self.controllability_ >= LEAST_CONTROLLABILITY
 
     @property
     def names_(self) -> tuple[str, ...]:
@@ -145,14 +145,14 @@ class Roles:
         steady = (tracks.ages >= STEADY_DECISIONS) & (tracks.moves >= LEAST_MOVING_SHARE * tracks.ages)
         candidates = tracks.visible & steady
         for i in np.flatnonzero(candidates & (roles < 0)):
-            if len(self._habits) < _MOST_ROLES:
-                roles[i] = len(self._habits)
-                self._habits.found()
+            if len(self._statistics) < _MOST_ROLES:
+                roles[i] = len(self._statistics)
+                self._statistics.found()
         shown = np.flatnonzero(candidates & (roles >= 0))
         steps = tracks.velocities_px[shown]
-        self._habits.count(tracks, shown, roles[shown], moved=np.hypot(*steps.T) > MOVED_PX)
+        self._statistics.count(tracks, shown, roles[shown], moved=np.hypot(*steps.T) > MOVED_PX)
         old = tracks.ages[shown] > 0
-        self._influence.learn(action, roles[shown[old]], steps[old])
+        self._controllability.learn(action, roles[shown[old]], steps[old])
         if self.is_fitted:
             self._merge()
             self.slots_ = self._give_slots()
@@ -204,8 +204,8 @@ class Roles:
             "frames": np.array(self.frames_),
             "slots": self.slots_.copy(),
             **nest(
-                habits=self._habits.to_arrays(),
-                influence=self._influence.to_arrays(),
+                habits=self._statistics.to_arrays(),
+                influence=self._controllability.to_arrays(),
             ),
         }
 
@@ -213,23 +213,23 @@ class Roles:
         """Go on where `to_arrays` was called."""
         self.frames_ = int(arrays["frames"])
         self.slots_ = arrays["slots"].copy()
-        self._habits.from_arrays(unnest(arrays, "habits"))
-        self._influence.from_arrays(unnest(arrays, "influence"))
+        self._statistics.from_arrays(unnest(arrays, "habits"))
+        self._controllability.from_arrays(unnest(arrays, "influence"))
         self._know()
 
     @property
     def _matter(self) -> NDArray[np.bool_]:
-        strays = self._habits.spreads_px >= LEAST_SPREAD_PX
+        strays = self._statistics.spreads_px >= LEAST_SPREAD_PX
         return strays & (self.moving_ >= LEAST_MOVING_SHARE) & (self.seen_ >= LEAST_SEEN_SHARE)
 
     def _merge(self) -> None:
         """Make one of roles that matter, are of one kind and take turns: an object that looked odd founded a second."""
         for role in np.argsort(-self.seen_, kind="stable").tolist():
-            for other in range(len(self._habits)):
+            for other in range(len(self._statistics)):
                 alike = self._matter[[role, other]].all() and self.kinds_[role] == self.kinds_[other]
-                if role != other and alike and self._habits.take_turns(role, other):
-                    self._habits.merge(role, other)
-                    self._influence.merge(role, other)
+                if role != other and alike and self._statistics.take_turns(role, other):
+                    self._statistics.merge(role, other)
+                    self._controllability.merge(role, other)
 
     def _give_slots(self) -> Ints:
         """Choose the roles that move, those first that are controlled, then those seen most; order them by kind."""
@@ -239,10 +239,10 @@ class Roles:
 
     def _know(self) -> None:
         """Note what tracks are measured against, all roles while they are learned, then those with slots; and these."""
-        self._known = self._habits.known(self.slots_ if self.is_fitted else np.arange(len(self._habits)))
+        self._known = self._statistics.known(self.slots_ if self.is_fitted else np.arange(len(self._statistics)))
         self._slot_kinds = self.kinds_[self.slots_]
         self._at_rest: Floats = np.zeros((self.config.slots, len(SLOT_NUMBERS)), np.float32)
-        self._at_rest[: len(self.slots_), :2] = self._habits.means[self.slots_, ::-1]
+        self._at_rest[: len(self.slots_), :2] = self._statistics.means[self.slots_, ::-1]
         self._at_rest[:, :2] /= IMAGE_SIZE_PX - 1
 
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from semrl.perception.tracking.influence import Influence
+from semrl.perception.tracking.controllability import Controllability
 
 
 def shares(actions, steps_px):
-    influence = Influence()
+    influence = Controllability()
     for action, step in zip(actions, steps_px, strict=True):
         influence.learn(int(action), np.array([0]), step[None])
     return influence.shares(1)[0]

@@ -5,9 +5,9 @@ import pytest
 from walkers import N_CLASSES, followed
 
 from semrl.core.errors import UsageError
-from semrl.perception.tracking import SLOT_NUMBERS, Roles, RolesConfig, no_tracks
-from semrl.perception.tracking.habits import Habits
-from semrl.perception.tracking.influence import Influence
+from semrl.perception.tracking import SLOT_NUMBERS, SlotAssigner, SlotAssignerConfig, no_tracks
+from semrl.perception.tracking.controllability import Controllability
+from semrl.perception.tracking.slot_statistics import SlotStatistics
 
 FRAMES = 200
 PLAYER, ENEMY, BALL, DIGIT = range(4)
@@ -45,7 +45,7 @@ def played(roles, seed=0, frames=FRAMES, odd=range(0)):
 
 @pytest.fixture(scope="module")
 def learned():
-    roles = Roles(RolesConfig(frames=FRAMES, slots=4))
+    roles = SlotAssigner(SlotAssignerConfig(frames=FRAMES, slots=4))
     for _ in played(roles):
         pass
     return roles
@@ -66,7 +66,7 @@ def test_what_moves_has_a_slot_and_what_stands_still_has_none(learned):
 
 def test_what_changes_in_its_place_has_no_slot():
     """The digits of a clock change now and then, and their middle with them."""
-    roles, tracks = Roles(RolesConfig(frames=FRAMES, slots=4)), no_tracks(N_CLASSES)
+    roles, tracks = SlotAssigner(SlotAssignerConfig(frames=FRAMES, slots=4)), no_tracks(N_CLASSES)
     for t, (action, seen) in enumerate(game(3, FRAMES)):
         (tracks,) = followed([[*seen, (2, 5 + 0.5 * (t // 4 % 3), 60)]], tracks=tracks)
         roles.partial_fit(tracks, action)
@@ -79,13 +79,13 @@ def test_what_changes_in_its_place_has_no_slot():
 def test_the_action_moves_the_player_alone(learned):
     controlled = learned.controlled_[learned.slots_]
     assert controlled.sum() == 1 and controlled[slot_of(learned, 74)]
-    influence = learned.influence_[learned.slots_]
+    influence = learned.controllability_[learned.slots_]
     assert influence.max() > 0.8 and np.sort(influence)[-2] < 0.1
 
 
 def test_an_object_that_once_looked_odd_has_one_role_all_the_same(learned):
     """As it came back it fitted no role by its looks, and founded a second, which it had from then on or had not."""
-    roles = Roles(RolesConfig(frames=FRAMES, slots=4))
+    roles = SlotAssigner(SlotAssignerConfig(frames=FRAMES, slots=4))
     founded = [len(roles.kinds_) for _ in played(roles, odd=range(80, 90))][-1]
     assert founded == len(learned.kinds_) + 1
     assert roles.kinds_[roles.slots_].tolist() == [0, 0, 1]
@@ -134,7 +134,7 @@ def test_a_role_is_held_by_one_track(learned):
 
 
 def test_those_that_are_controlled_come_first_where_slots_are_few():
-    roles = Roles(RolesConfig(frames=FRAMES, slots=1))
+    roles = SlotAssigner(SlotAssignerConfig(frames=FRAMES, slots=1))
     for _ in played(roles):
         pass
     (slot,) = roles.slots_
@@ -149,7 +149,7 @@ def test_what_was_learned_stays(learned):
 
 
 def test_influence_finds_late_effects_and_is_blind_to_chance():
-    rng, influence, actions = np.random.default_rng(0), Influence(), [0, 0, 0]
+    rng, influence, actions = np.random.default_rng(0), Controllability(), [0, 0, 0]
     for _ in range(400):
         actions = [int(rng.integers(3)), *actions[:2]]
         steps = np.array([[actions[2] - 1.0, 0], rng.normal(size=2), [0, 0]])
@@ -162,7 +162,7 @@ def test_influence_finds_late_effects_and_is_blind_to_chance():
 def test_nonsense_is_refused():
     for wrong in ({"frames": 0}, {"slots": 0}):
         with pytest.raises(UsageError):
-            RolesConfig(**wrong)
+            SlotAssignerConfig(**wrong)
 
 
 def test_what_is_merged_is_as_if_counted_together():
@@ -176,7 +176,7 @@ def test_what_is_merged_is_as_if_counted_together():
 
 
 def test_roles_take_turns_that_are_hardly_ever_seen_at_once():
-    habits = Habits()
+    habits = SlotStatistics()
     for _ in range(3):
         habits.found()
     for t in range(100):
@@ -187,7 +187,7 @@ def test_roles_take_turns_that_are_hardly_ever_seen_at_once():
 
 
 def _counted(places, roles):
-    habits = Habits()
+    habits = SlotStatistics()
     habits.found(), habits.found()
     for i, (place, role) in enumerate(zip(places, roles, strict=True)):
         (tracks,) = followed([[(i % 3, *place)]])
@@ -197,7 +197,7 @@ def _counted(places, roles):
 
 def test_influence_of_merged_roles_is_that_of_one():
     rng = np.random.default_rng(0)
-    apart, together = Influence(), Influence()
+    apart, together = Controllability(), Controllability()
     for t in range(200):
         action = int(rng.integers(3))
         steps = np.array([[action - 1.0, 0.0]]) + rng.normal(0, 0.5, (1, 2))

@@ -52,7 +52,7 @@ class Known(NamedTuple):
     mobilities: NDArray[np.float64]
 
 
-class Habits:
+class SlotStatistics:
     """Counts of each role, from which the likelihood of a track follows (naive Bayes).
 
     Attributes
