@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from semrl.core import Floats, Ints, Moment, Trajectory
+from semrl.core import Floats, History, Ints, Trajectory
 from semrl.planning import LongTermConfig, plan_routes
 from semrl.planning.module import MEMORY_DECISIONS, PlanningModule
 from semrl.planning.state_map import StateMap, StateMapConfig
@@ -174,11 +174,11 @@ def plans(world: Torus, state_map: StateMap) -> list[float]:
     planning.learn(world.walk(EPISODE))
     planning.state_map, planning.routes = state_map, plan_routes(state_map.graph_, LongTermConfig())
     lived = world.walk(PLANS + MEMORY_DECISIONS)
-    moments = [
-        Moment(states=lived.states[t : t - MEMORY_DECISIONS : -1], actions=lived.actions[:t][::-1], number=t)
+    histories = [
+        History(states=lived.states[t : t - MEMORY_DECISIONS : -1], actions=lived.actions[:t][::-1], number=t)
         for t in range(MEMORY_DECISIONS, PLANS + MEMORY_DECISIONS)
     ]
-    return [1000 * seconds(lambda moment=moment: planning.plan(moment)) for moment in moments]
+    return [1000 * seconds(lambda moment=history: planning.plan(history)) for moment in histories]
 
 
 def seconds(call: Callable[[], object]) -> float:

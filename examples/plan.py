@@ -3,7 +3,7 @@
 import tyro
 from state_map import ACTIONS, random_play
 
-from semrl.core import Moment
+from semrl.core import History
 from semrl.planning import reason
 from semrl.planning.module import PlanningConfig, PlanningModule
 from semrl.planning.scenario_planner import ScenarioPlannerConfig
@@ -26,7 +26,7 @@ def main(episodes: int = 100, decision: int = 24) -> None:
     planning = PlanningModule(CONFIG, dimension=4, n_actions=len(ACTIONS), seed=0)
     for trajectory in random_play(episodes):
         planning.learn(trajectory)
-    plan = planning.plan(Moment(states=trajectory.states[[decision, decision - 1]]))
+    plan = planning.plan(History(states=trajectory.states[[decision, decision - 1]]))
     assert plan is not None
     for i, actions in enumerate(plan.scenarios.actions):
         names = ", ".join(ACTIONS[action] for action in actions)

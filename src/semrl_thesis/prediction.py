@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sklearn.metrics import r2_score
 from sklearn.model_selection import KFold, StratifiedKFold
 
-from semrl.core import Floats, Ints, Moment, Trajectory, Transitions
+from semrl.core import Floats, History, Ints, Trajectory, Transitions
 from semrl.evaluation.prediction import balanced_accuracy
 from semrl.planning.module import MEMORY_DECISIONS, PlanningModule
 from semrl.world_model import ModelPair, NextStateConfig, NextStateNetwork, RewardConfig, TreeWorld, make_reward_model
@@ -59,8 +59,8 @@ def predict_run(world: WorldModel, run: Trajectory) -> tuple[Floats, Ints]:
     states, rewards = np.empty_like(run.states[1:]), np.zeros(len(run), np.int64)
     for t in range(len(run)):
         start = max(0, t + 1 - MEMORY_DECISIONS)
-        moment = Moment(states=run.states[start : t + 1][::-1], actions=run.actions[start:t][::-1], number=t)
-        told = world.imagine(moment, run.actions[None, t : t + 1])
+        moment = History(states=run.states[start : t + 1][::-1], actions=run.actions[start:t][::-1], number=t)
+        told = world.imagine(history, run.actions[None, t : t + 1])
         states[t], rewards[t] = told.states[0, 0], np.rint(told.rewards[0, 0])
     return states, rewards
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from semrl.core import Moment, Trajectory
+from semrl.core import History, Trajectory
 from semrl.core.arrays import digest
 from semrl.core.errors import DataError, UsageError
 from semrl.grounding import PlanFeaturesConfig
@@ -90,7 +90,7 @@ def random_trajectory(seed, decisions=60, offset=0.0):
 
 def at(*states):
     """Where a plan begins: the present state, and those before it."""
-    return Moment(states=np.stack(states))
+    return History(states=np.stack(states))
 
 
 def new(config=CONFIG, seed=0):
@@ -150,23 +150,23 @@ def test_a_plan_foresees_what_will_happen(corridor):
 def test_planning_learns_nothing(corridor):
     before = digest(corridor.to_arrays())
     moment = at(state_of(3), state_of(4))
-    first, again = (corridor.plan(moment) for _ in range(2))
+    first, again = (corridor.plan(history) for _ in range(2))
     np.testing.assert_array_equal(first.scenarios.actions, again.scenarios.actions)
     np.testing.assert_array_equal(first.returns, again.returns)
     assert digest(corridor.to_arrays()) == before
-    assert moment.states.tolist() == [state_of(3).tolist(), state_of(4).tolist()]
+    assert history.states.tolist() == [state_of(3).tolist(), state_of(4).tolist()]
 
 
 def test_before_anything_was_learned_there_is_no_plan_and_its_features_are_zero():
     module = new()
     moment = at(state_of(3), state_of(4))
-    assert module.plan(moment) is None and module.proposed_action is None
+    assert module.plan(history) is None and module.proposed_action is None
     record = module.plan_step(state_of(3))
     assert record.plan is None and module.proposed_action is None
     assert record.features.dtype == np.float32 and record.features.shape == (module.plan_size,)
     assert not record.features.any()
     module.learn(random_trajectory(0))
-    assert module.plan_step(state_of(3)).features.any() and module.plan(moment)
+    assert module.plan_step(state_of(3)).features.any() and module.plan(history)
 
 
 def test_what_the_agent_is_shown_are_the_features_of_the_plan(corridor):
@@ -297,7 +297,7 @@ def test_with_velocity_both_ends_of_a_scenario_are_placed_by_where_they_came_fro
     module = new(config)
     module.learn(Trajectory(states=places, actions=actions, rewards=np.zeros(60, np.float32)))
     state = places[[20, 19]]
-    plan = module.plan(Moment(states=state))
+    plan = module.plan(History(states=state))
     states = plan.scenarios.states
 
     def located(now, before):
@@ -457,13 +457,13 @@ def test_who_explores_seeks_what_others_avoid():
     module.learn(random_trajectory(0))
     imagined = module.world_model.imagine
 
-    def doubtful(moment, sequences):
-        told = imagined(moment, sequences)
+    def doubtful(history, sequences):
+        told = imagined(history, sequences)
         uncertainties = (np.arange(len(told)) == 1).astype(np.float32)
         return dataclasses.replace(told, rewards=0 * told.rewards, values=0 * told.values, uncertainties=uncertainties)
 
     module.world_model.imagine = doubtful
-    moment = Moment(states=np.zeros((1, D), np.float32), actions=np.zeros(0, np.int64), number=0)
+    moment = History(states=np.zeros((1, D), np.float32), actions=np.zeros(0, np.int64), number=0)
     for exploring, returns in ((False, (0, -1)), (True, (1, 0))):
-        plan = module.plan(moment, exploring=exploring)
+        plan = module.plan(history, exploring=exploring)
         assert (plan.returns[0], plan.returns[-1]) == returns

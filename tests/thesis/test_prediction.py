@@ -48,10 +48,10 @@ class Recalls(ModelPair):
     """A world that predicts the last state again, and notes where it was asked."""
 
     def imagine(self, moment, sequences):
-        self.asked = [*getattr(self, "asked", []), (moment, int(sequences[0, 0]))]
+        self.asked = [*getattr(self, "asked", []), (history, int(sequences[0, 0]))]
         return Scenarios(
             actions=sequences,
-            states=moment.states[None, :1],
+            states=history.states[None, :1],
             rewards=np.ones((1, 1), np.float32),
             values=np.zeros(1, np.float32),
         )
@@ -63,9 +63,9 @@ def test_every_decision_is_predicted_from_what_had_led_to_it():
     np.testing.assert_array_equal(states, run.states[:-1])
     assert rewards.tolist() == [1] * 30
     moment, action = world.asked[20]
-    assert (moment.number, action) == (20, run.actions[20])
-    np.testing.assert_array_equal(moment.states, run.states[20:4:-1])
-    np.testing.assert_array_equal(moment.actions, run.actions[19:4:-1])
+    assert (history.number, action) == (20, run.actions[20])
+    np.testing.assert_array_equal(history.states, run.states[20:4:-1])
+    np.testing.assert_array_equal(history.actions, run.actions[19:4:-1])
 
 
 def test_of_updated_forests_each_has_learned_the_new_run():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from systems import copied, walk
 
-from semrl.core import Moment, Trajectory
+from semrl.core import History, Trajectory
 from semrl.core.arrays import digest
 from semrl.core.errors import UsageError
 from semrl.world_model import TreesConfig, TreeWorld
@@ -44,7 +44,7 @@ def rally(decisions, seed=0):
 
 
 def moment_of(trajectory, t):
-    return Moment(states=trajectory.states[t::-1], actions=trajectory.actions[:t][::-1], number=t)
+    return History(states=trajectory.states[t::-1], actions=trajectory.actions[:t][::-1], number=t)
 
 
 def learned(config, *trajectories, seed=0):
@@ -155,7 +155,7 @@ def test_what_goes_on_by_itself_does_so_at_a_speed_never_seen():
     )
     assert made.inertia_.tolist() == [1, 0]
     swift = np.array([[50, 0], [43, 0], [36, 0], [29, 0]], np.float32)
-    told = made.imagine(Moment(states=swift, actions=np.zeros(3, np.int64), number=4), np.array([[0, 1, 0]]))
+    told = made.imagine(History(states=swift, actions=np.zeros(3, np.int64), number=4), np.array([[0, 1, 0]]))
     assert told.states[0].tolist() == [[57, 0], [64, 5], [71, 5]]
     assert made.rules(["glider", "jumper"], ["stay", "jump"])[0].about == "the change of glider"
 

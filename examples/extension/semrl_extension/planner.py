@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semrl.core import Moment, Plan
+from semrl.core import History, Plan
 from semrl.planning import rank
 from semrl.planning.protocol import Knowledge
 
@@ -27,7 +27,9 @@ class HoldPlanner:
         self.n_actions = n_actions
         self.discount = discount
 
-    def plan(self, history: Moment, knowledge: Knowledge, *, exploring: bool = False, first: int | None = None) -> Plan:
+    def plan(
+        self, history: History, knowledge: Knowledge, *, exploring: bool = False, first: int | None = None
+    ) -> Plan:
         """Hold every action, or the one that is asked about, and rank what comes of it."""
         actions = np.arange(self.n_actions) if first is None else np.array([first])
         scenarios = knowledge.world_model.imagine(history, np.repeat(actions[:, None], self.depth, axis=1))

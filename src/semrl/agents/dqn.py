@@ -260,7 +260,9 @@ class DQN:
 
     def _optimiser_arrays(self) -> Arrays:
         state = self.optimiser.state_dict()["state"]
-        return {f"{i}/{name}": value.cpu().numpy() for i, moments in state.items() for name, value in moments.items()}
+        return {
+            f"{i}/{name}": value.cpu().numpy() for i, histories in state.items() for name, value in histories.items()
+        }
 
     def _load_optimiser(self, arrays: Arrays) -> None:
         whole = self.optimiser.state_dict() | {"state": {}}

@@ -10,7 +10,7 @@ from semrl.core.lazy import lazily
 
 if TYPE_CHECKING:
     from semrl.core.named import IMAGE_SIZE_PX, NO_ACTION, Floats, Frame, Image, Ints
-    from semrl.core.planned import MapGraph, Moment, Plan, Scenarios, Trajectory, Transitions
+    from semrl.core.planned import History, MapGraph, Plan, Scenarios, Trajectory, Transitions
     from semrl.core.seen import Objects, Observation, Outcome, SceneGraph, Sight, Tracks
     from semrl.core.state import AgentObservation, State, StateSpace
 
@@ -23,7 +23,7 @@ _HOME = {
     "Image": "semrl.core.named",
     "Ints": "semrl.core.named",
     "MapGraph": "semrl.core.planned",
-    "Moment": "semrl.core.planned",
+    "History": "semrl.core.planned",
     "Objects": "semrl.core.seen",
     "Observation": "semrl.core.seen",
     "Outcome": "semrl.core.seen",
@@ -47,7 +47,7 @@ __all__ = [
     "Image",
     "Ints",
     "MapGraph",
-    "Moment",
+    "History",
     "Objects",
     "Observation",
     "Outcome",

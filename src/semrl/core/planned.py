@@ -121,7 +121,7 @@ class MapGraph:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Moment:
+class History:
     """Where a plan begins: the present state and what led to it.
 
     Attributes

@@ -139,16 +139,16 @@ def _episodes(
 
 def _compare(world: WorldModel, steps: Sequence[Step], spans: Spans, confusion: NDArray[np.int64]) -> None:
     """Foresee every decision of an episode, and what is some decisions ahead of it."""
-    moments = [step.record.history for step in steps if step.record]
+    histories = [step.record.history for step in steps if step.record]
     actions = np.array([step.action for step in steps[1:]])
     rewards = np.sign([step.reward for step in steps[1:]]).astype(int)
     longest = max(HORIZONS)
-    for t, moment in enumerate(moments[:-1]):
-        told = world.imagine(moment, actions[None, t : t + longest])
+    for t, moment in enumerate(histories[:-1]):
+        told = world.imagine(history, actions[None, t : t + longest])
         confusion[rewards[t] + 1, int(np.rint(told.rewards[0, 0])) + 1] += 1
         for horizon in HORIZONS:
-            if t + horizon < len(moments) and (horizon == 1 or not rewards[t : t + horizon].any()):
-                spans[horizon].append((told.states[0, horizon - 1], moments[t + horizon].states[0]))
+            if t + horizon < len(histories) and (horizon == 1 or not rewards[t : t + horizon].any()):
+                spans[horizon].append((told.states[0, horizon - 1], histories[t + horizon].states[0]))
 
 
 def _embedded(encoder: TrackedSceneEncoder, facts: Spans) -> Spans:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from semrl.core import Floats, Ints, Moment, Plan, Trajectory
+from semrl.core import Floats, History, Ints, Plan, Trajectory
 from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.errors import UsageError
 from semrl.core.registry import Registry
@@ -84,7 +84,7 @@ class PlanRecord:
         ``(plan_size,)`` float32, what the agent is shown of it; zeros where there is no plan.
     """
 
-    history: Moment
+    history: History
     plan: Plan | None
     features: Floats
 
@@ -157,7 +157,7 @@ class PlanningModule:
             velocity_weight=self.config.velocity_weight,
         )
 
-    def plan(self, history: Moment, *, exploring: bool = False, first: int | None = None) -> Plan | None:
+    def plan(self, history: History, *, exploring: bool = False, first: int | None = None) -> Plan | None:
         """Plan from where a history ends, perhaps with a given first action; None while nothing is learned."""
         if not self.world_model.is_fitted:
             return None
@@ -175,7 +175,7 @@ class PlanningModule:
 
     def plan_step(self, facts: Floats, *, exploring: bool = False) -> PlanRecord:
         """Plan at the next decision of the episode (§3.4.4)."""
-        history = self._episode.moment(facts, MEMORY_DECISIONS, self._proposed[1:])
+        history = self._episode.history(facts, MEMORY_DECISIONS, self._proposed[1:])
         plan = self.plan(history, exploring=exploring)
         if plan is None:
             self._proposed = np.zeros(0, np.int64)

@@ -5,7 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
-from semrl.core import Floats, Moment, Plan
+from semrl.core import Floats, History, Plan
 from semrl.planning.long_term import Routes
 from semrl.planning.state_map import StateMap
 from semrl.world_model.protocol import WorldModel
@@ -46,7 +46,9 @@ class Planner(Protocol):
         """How many actions a plan has."""
         ...
 
-    def plan(self, history: Moment, knowledge: Knowledge, *, exploring: bool = False, first: int | None = None) -> Plan:
+    def plan(
+        self, history: History, knowledge: Knowledge, *, exploring: bool = False, first: int | None = None
+    ) -> Plan:
         """Plan from where a history ends.
 
         Parameters

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semrl.core import Moment, Plan
+from semrl.core import History, Plan
 from semrl.core.errors import UsageError
 from semrl.planning.protocol import Knowledge
 from semrl.planning.ranking import rank
@@ -56,7 +56,9 @@ class ScenarioPlanner:
         """Actions of a plan."""
         return self.config.depth
 
-    def plan(self, history: Moment, knowledge: Knowledge, *, exploring: bool = False, first: int | None = None) -> Plan:
+    def plan(
+        self, history: History, knowledge: Knowledge, *, exploring: bool = False, first: int | None = None
+    ) -> Plan:
         """Imagine, and rank what is imagined; see `Planner.plan`."""
         sequences = action_sequences(self.n_actions, self.config, number=history.number, proposed=history.proposed)
         if first is not None:

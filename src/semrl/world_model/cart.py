@@ -96,7 +96,7 @@ def _grow(
         node = waiting.pop()
         begin, end = spans[node]
         mine = rows[begin:end]
-        told[node] = _moments(wanted[mine], times[mine])
+        told[node] = _histories(wanted[mine], times[mine])
         column, cut = -1, -1
         if told[node, 2] > 0 and told[node, 1] >= 2 * leaf_rows:
             column, cut = best_cut(mine, tallies[node], sample, pool, leaf_rows)
@@ -136,7 +136,7 @@ def _level_by_level(
 
 
 @compiled
-def _moments(wanted: NDArray[np.float64], times: Ints) -> tuple[float, float, float]:
+def _histories(wanted: NDArray[np.float64], times: Ints) -> tuple[float, float, float]:
     """Return mean, count and mean squared error; the last is exactly 0 when the same is wanted everywhere."""
     count, total = 0, 0.0
     for i in range(len(wanted)):

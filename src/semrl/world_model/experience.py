@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from semrl.core import NO_ACTION, Floats, Ints, Moment, Trajectory, Transitions
+from semrl.core import NO_ACTION, Floats, History, Ints, Trajectory, Transitions
 from semrl.core.arrays import Arrays
 from semrl.core.kernels import compiled
 
@@ -48,9 +48,9 @@ class EpisodeRecord:
         """How many decisions were noted."""
         return len(self._actions)
 
-    def moment(self, state: Floats, length: int, proposed: Ints) -> Moment:
+    def moment(self, state: Floats, length: int, proposed: Ints) -> History:
         """Return where a plan from the present state, ``(d,)``, begins, with up to so many states and actions."""
-        return Moment(
+        return History(
             states=np.array([state, *self._states[: -length - 1 : -1]][:length], dtype=np.float32),
             actions=np.array(self._actions[: -length - 1 : -1], dtype=np.int64),
             number=len(self),
@@ -151,7 +151,7 @@ class Experience:
         -------
         tuple
             States, ``(n, n_states, d)``, and actions before, ``(n, n_actions)``, the newest first, as in
-            `Moment`; action and reward, ``(n,)``; the next state, ``(n, d)``.
+            `History`; action and reward, ``(n,)``; the next state, ``(n, d)``.
         """
         places = self._decisions()
         starts = np.concatenate([[0], np.flatnonzero(self._actions == _END)[:-1] + 1])

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from semrl.core import Floats, Ints, Moment, Scenarios, Trajectory, Transitions
+from semrl.core import Floats, History, Ints, Scenarios, Trajectory, Transitions
 from semrl.core.arrays import Arrays, array_to_rng, nest, rng_to_array, unnest
 from semrl.world_model.config import ModelPairConfig
 from semrl.world_model.experience import Experience
@@ -69,9 +69,9 @@ class ModelPair:
     def update_online(self, so_far: Trajectory) -> None:
         """Learn nothing: an episode is learned from when it is over."""
 
-    def imagine(self, moment: Moment, sequences: Ints) -> Scenarios:
-        """Roll ``(s, t)`` sequences of actions forward from a moment."""
-        state, previous = moment.window(2)
+    def imagine(self, history: History, sequences: Ints) -> Scenarios:
+        """Roll ``(s, t)`` sequences of actions forward from a history."""
+        state, previous = history.window(2)
         return roll_forward(state, previous, sequences, self.next_state, self.reward)
 
     def to_arrays(self) -> Arrays:

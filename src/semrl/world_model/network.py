@@ -106,12 +106,12 @@ class DenseNetwork:
             raise SemrlError("a model of the map has diverged: try a smaller learning rate for it")
 
     def to_arrays(self) -> Arrays:
-        """Return weights, the optimiser's moments and the random generator."""
-        moments = self.optimiser.state_dict()["state"]
+        """Return weights, the optimiser's histories and the random generator."""
+        histories = self.optimiser.state_dict()["state"]
         return {
             **nest(
                 layers={name: value.numpy().copy() for name, value in self.layers.state_dict().items()},
-                adam={f"{i}/{name}": v.numpy().copy() for i, values in moments.items() for name, v in values.items()},
+                adam={f"{i}/{name}": v.numpy().copy() for i, values in histories.items() for name, v in values.items()},
             ),
             "rng": rng_to_array(self._rng),
         }

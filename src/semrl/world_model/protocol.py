@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Protocol, Self, runtime_checkable
 
-from semrl.core import Floats, Ints, Moment, Scenarios, Trajectory, Transitions
+from semrl.core import Floats, History, Ints, Scenarios, Trajectory, Transitions
 from semrl.core.protocols import Learner, Persistent
 from semrl.world_model.rules import Rule
 
@@ -52,7 +52,7 @@ class WorldModel(Learner, Protocol):
         """Learn from the episode that is going on, when that is worth while; what it shows is not kept."""
         ...
 
-    def imagine(self, moment: Moment, sequences: Ints) -> Scenarios:
+    def imagine(self, history: History, sequences: Ints) -> Scenarios:
         """Predict what ``(s, t)`` sequences of actions lead to; fewer may come back, those that promise most."""
         ...
 

@@ -24,7 +24,7 @@ NODE = np.dtype([("column", "i4"), ("left", "i4"), ("cut", "f4"), ("mean", "f4")
 
 @compiled
 def lay_out(states: Floats, actions: Ints, chosen: Ints, relations: Relations) -> Floats:
-    """Lay out what trees see of many moments, ``(n, f)``, each column in one piece; see `_lay_out`.
+    """Lay out what trees see of many histories, ``(n, f)``, each column in one piece; see `_lay_out`.
 
     Parameters
     ----------

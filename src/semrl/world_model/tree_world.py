@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semrl.core import Floats, Ints, Moment, Scenarios, Trajectory
+from semrl.core import Floats, History, Ints, Scenarios, Trajectory
 from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.errors import UsageError
 from semrl.world_model.experience import Experience
@@ -160,14 +160,14 @@ class TreeWorld:
         if self._is_due(seen):
             self._grow_if_due(self.experience.joined(so_far), seen)
 
-    def imagine(self, moment: Moment, sequences: Ints) -> Scenarios:
+    def imagine(self, history: History, sequences: Ints) -> Scenarios:
         """Roll ``(s, t)`` sequences of actions forward from a moment; rewards and values are the forests' mean.
 
         Where some forests screen, only the sequences that they think best of come back.
         """
         unit, c = np.float32(self.config.resolution), self.config
-        window = np.rint(moment.window(c.past_states)[:, self.varying_] / unit)
-        past = self.inertia_, window, moment.recent(c.past_actions)
+        window = np.rint(history.window(c.past_states)[:, self.varying_] / unit)
+        past = self.inertia_, window, history.recent(c.past_actions)
         screened = 0 < c.screening < c.members and len(sequences) >= _FEWEST_SCREENED
         relations = self.relations_
         members = slice(c.screening if screened else None)
@@ -180,8 +180,8 @@ class TreeWorld:
             predicted = predicted[best]
             rewards = np.concatenate([rewards[:, best], more_rewards])
             values = np.concatenate([values[:, best], more_values])
-        states = np.empty((*sequences.shape, moment.states.shape[1]), np.float32)
-        states[:] = moment.states[0]
+        states = np.empty((*sequences.shape, history.states.shape[1]), np.float32)
+        states[:] = history.states[0]
         states[:, :, self.varying_] = predicted * unit
         return Scenarios(
             actions=sequences,
