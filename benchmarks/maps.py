@@ -178,7 +178,7 @@ def plans(world: Torus, state_map: StateMap) -> list[float]:
         History(states=lived.states[t : t - MEMORY_DECISIONS : -1], actions=lived.actions[:t][::-1], number=t)
         for t in range(MEMORY_DECISIONS, PLANS + MEMORY_DECISIONS)
     ]
-    return [1000 * seconds(lambda moment=history: planning.plan(history)) for moment in histories]
+    return [1000 * seconds(lambda history=history: planning.plan(history)) for history in histories]
 
 
 def seconds(call: Callable[[], object]) -> float:

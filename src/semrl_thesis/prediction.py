@@ -59,7 +59,7 @@ def predict_run(world: WorldModel, run: Trajectory) -> tuple[Floats, Ints]:
     states, rewards = np.empty_like(run.states[1:]), np.zeros(len(run), np.int64)
     for t in range(len(run)):
         start = max(0, t + 1 - MEMORY_DECISIONS)
-        moment = History(states=run.states[start : t + 1][::-1], actions=run.actions[start:t][::-1], number=t)
+        history = History(states=run.states[start : t + 1][::-1], actions=run.actions[start:t][::-1], number=t)
         told = world.imagine(history, run.actions[None, t : t + 1])
         states[t], rewards[t] = told.states[0, 0], np.rint(told.rewards[0, 0])
     return states, rewards

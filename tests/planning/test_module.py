@@ -149,7 +149,7 @@ def test_a_plan_foresees_what_will_happen(corridor):
 
 def test_planning_learns_nothing(corridor):
     before = digest(corridor.to_arrays())
-    moment = at(state_of(3), state_of(4))
+    history = at(state_of(3), state_of(4))
     first, again = (corridor.plan(history) for _ in range(2))
     np.testing.assert_array_equal(first.scenarios.actions, again.scenarios.actions)
     np.testing.assert_array_equal(first.returns, again.returns)
@@ -159,7 +159,7 @@ def test_planning_learns_nothing(corridor):
 
 def test_before_anything_was_learned_there_is_no_plan_and_its_features_are_zero():
     module = new()
-    moment = at(state_of(3), state_of(4))
+    history = at(state_of(3), state_of(4))
     assert module.plan(history) is None and module.proposed_action is None
     record = module.plan_step(state_of(3))
     assert record.plan is None and module.proposed_action is None
@@ -463,7 +463,7 @@ def test_who_explores_seeks_what_others_avoid():
         return dataclasses.replace(told, rewards=0 * told.rewards, values=0 * told.values, uncertainties=uncertainties)
 
     module.world_model.imagine = doubtful
-    moment = History(states=np.zeros((1, D), np.float32), actions=np.zeros(0, np.int64), number=0)
+    history = History(states=np.zeros((1, D), np.float32), actions=np.zeros(0, np.int64), number=0)
     for exploring, returns in ((False, (0, -1)), (True, (1, 0))):
         plan = module.plan(history, exploring=exploring)
         assert (plan.returns[0], plan.returns[-1]) == returns

@@ -47,7 +47,7 @@ def test_confusion():
 class Recalls(ModelPair):
     """A world that predicts the last state again, and notes where it was asked."""
 
-    def imagine(self, moment, sequences):
+    def imagine(self, history, sequences):
         self.asked = [*getattr(self, "asked", []), (history, int(sequences[0, 0]))]
         return Scenarios(
             actions=sequences,
@@ -62,7 +62,7 @@ def test_every_decision_is_predicted_from_what_had_led_to_it():
     states, rewards = predict_run(world, run)
     np.testing.assert_array_equal(states, run.states[:-1])
     assert rewards.tolist() == [1] * 30
-    moment, action = world.asked[20]
+    history, action = world.asked[20]
     assert (history.number, action) == (20, run.actions[20])
     np.testing.assert_array_equal(history.states, run.states[20:4:-1])
     np.testing.assert_array_equal(history.actions, run.actions[19:4:-1])

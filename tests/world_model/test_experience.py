@@ -236,7 +236,7 @@ def test_what_was_before_is_told_alike_while_playing_and_afterwards(count):
     for episode in episodes:
         noted = EpisodeRecord(3)
         for t in range(len(episode)):
-            moment = noted.history(episode.states[t], 4, np.zeros(0, np.int64))
+            history = noted.history(episode.states[t], 4, np.zeros(0, np.int64))
             assert history.number == t and len(history.states) == min(t + 1, 4) and len(history.actions) == min(t, 4)
             told.append((history.window(count).tolist(), history.recent(count).tolist()))
             noted.add(episode.states[t], int(episode.actions[t]), float(episode.rewards[t]))

@@ -43,7 +43,7 @@ def rally(decisions, seed=0):
     )
 
 
-def moment_of(trajectory, t):
+def history_of(trajectory, t):
     return History(states=trajectory.states[t::-1], actions=trajectory.actions[:t][::-1], number=t)
 
 
@@ -63,7 +63,7 @@ def world():
 def test_what_comes_next_is_foreseen(world):
     test, right, rewarded = rally(1500, seed=9), [], []
     for t in range(10, 1490):
-        told = world.imagine(moment_of(test, t), test.actions[None, t : t + 1])
+        told = world.imagine(history_of(test, t), test.actions[None, t : t + 1])
         if test.rewards[t]:
             rewarded.append(told.rewards[0, 0] < -0.5)
         else:
@@ -77,7 +77,7 @@ def test_a_loss_is_foreseen_long_before_it_comes(world):
     for t in range(20, 1480):
         if 10 <= test.states[t, 0] < 13 and test.states[t, 0] > test.states[t - 1, 0]:
             left = 19 - int(test.states[t, 0])
-            told.append(world.imagine(moment_of(test, t), test.actions[None, t : t + left]).rewards.min() < -0.5)
+            told.append(world.imagine(history_of(test, t), test.actions[None, t : t + left]).rewards.min() < -0.5)
             came.append(test.rewards[t : t + left].min() < 0)
     assert np.mean(came) > 0.1 and np.mean(np.array(told) == came) > 0.9
 
@@ -85,7 +85,7 @@ def test_a_loss_is_foreseen_long_before_it_comes(world):
 def test_scenarios_stand_still_after_a_reward(world):
     test = rally(1500, seed=9)
     t = int(np.flatnonzero(test.rewards)[5])
-    told = world.imagine(moment_of(test, t), np.repeat(test.actions[None, t : t + 1], 6, axis=1))
+    told = world.imagine(history_of(test, t), np.repeat(test.actions[None, t : t + 1], 6, axis=1))
     assert told.rewards[0, 0] < -0.5 and not told.rewards[0, 1:].any()
     assert (told.states[0, 1:] == told.states[0, 0]).all()
 
@@ -97,14 +97,14 @@ def test_what_is_expected_beyond_is_the_return_that_came():
         made.partial_fit(episode)
     test, told, came = rally(1500, seed=9), [], []
     for t in range(10, 1400):
-        scenario = made.imagine(moment_of(test, t), test.actions[None, t : t + 2])
+        scenario = made.imagine(history_of(test, t), test.actions[None, t : t + 2])
         if not test.rewards[t : t + 2].any() and not scenario.rewards.any():
             told.append(scenario.values[0])
             came.append((test.rewards[t + 2 :] * 0.9 ** np.arange(len(test) - t - 2)).sum())
     assert np.corrcoef(told, came)[0, 1] > 0.7 and abs(np.mean(told) - np.mean(came)) < 0.05
     none = TreeWorld(dataclasses.replace(CONFIG, value_leaf_decisions=0), 3, discount=0.9)
     none.partial_fit(lived[0])
-    assert not none.imagine(moment_of(test, 9), np.zeros((4, 5), np.int64)).values.any()
+    assert not none.imagine(history_of(test, 9), np.zeros((4, 5), np.int64)).values.any()
 
 
 @pytest.mark.parametrize("most", [10_000, 1_000_000])
@@ -134,7 +134,7 @@ def test_numbers_that_are_always_the_same_are_left_out_and_stay():
         made.partial_fit(one)
         plain.partial_fit(other)
     assert made.varying_.tolist() == [1, 2, 4]
-    told, expected = (w.imagine(moment_of(p[0], 40), np.zeros((2, 9), int)) for w, p in ((made, wide), (plain, lived)))
+    told, expected = (w.imagine(history_of(p[0], 40), np.zeros((2, 9), int)) for w, p in ((made, wide), (plain, lived)))
     np.testing.assert_array_equal(told.states[:, :, made.varying_], expected.states)
     assert (told.states[:, :, [0, 3]] == 7).all()
     np.testing.assert_array_equal(told.rewards, expected.rewards)
@@ -180,9 +180,9 @@ def test_forests_doubt_what_they_disagree_about(world):
     test = rally(1500, seed=9)
     t = int(np.flatnonzero(test.rewards)[5]) - 12
     sequences = np.random.default_rng(0).integers(2, size=(40, 12))
-    told = world.imagine(moment_of(test, t), sequences)
+    told = world.imagine(history_of(test, t), sequences)
     _, rewards, values = world.forests.roll(
-        world.inertia_, moment_of(test, t).window(4), moment_of(test, t).recent(3), sequences, world.relations_
+        world.inertia_, history_of(test, t).window(4), history_of(test, t).recent(3), sequences, world.relations_
     )
     np.testing.assert_allclose(told.uncertainties, (rewards.sum(axis=2) + values).std(axis=0), atol=1e-6)
     assert told.uncertainties.shape == (40,) and told.uncertainties.max() > 0
@@ -193,13 +193,13 @@ def test_screened_scenarios_are_those_that_the_first_forests_think_best_of(world
     screening = copied_world(world, screening=1)
     first = copied_world(world, members=1)
     for t in range(50, 1200, 50):
-        whole, told, alone = (made.imagine(moment_of(test, t), sequences) for made in (world, screening, first))
+        whole, told, alone = (made.imagine(history_of(test, t), sequences) for made in (world, screening, first))
         kept = np.sort(np.argsort(-(alone.rewards.sum(axis=1) + alone.values), kind="stable")[:10])
         np.testing.assert_array_equal(told.actions, sequences[kept])
         for name in ("states", "rewards", "values", "uncertainties"):
             np.testing.assert_allclose(getattr(told, name), getattr(whole, name)[kept], atol=1e-6)
     few = sequences[:7]
-    whole, told = (made.imagine(moment_of(test, 50), few) for made in (world, screening))
+    whole, told = (made.imagine(history_of(test, 50), few) for made in (world, screening))
     for name in (
         "actions",
         "states",
@@ -250,7 +250,7 @@ def test_saved_midway_it_goes_on_bit_for_bit(saved_after):
     loaded = TreeWorld(CONFIG, 3)
     loaded.from_arrays(trees_of(unbroken))
     assert not len(loaded.experience)
-    told = [made.imagine(moment_of(walk(25), 9), np.zeros((2, 5), np.int64)) for made in (unbroken, loaded)]
+    told = [made.imagine(history_of(walk(25), 9), np.zeros((2, 5), np.int64)) for made in (unbroken, loaded)]
     np.testing.assert_array_equal(told[0].states, told[1].states)
     np.testing.assert_array_equal(told[0].rewards, told[1].rewards)
 

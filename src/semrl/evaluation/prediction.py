@@ -143,7 +143,7 @@ def _compare(world: WorldModel, steps: Sequence[Step], spans: Spans, confusion: 
     actions = np.array([step.action for step in steps[1:]])
     rewards = np.sign([step.reward for step in steps[1:]]).astype(int)
     longest = max(HORIZONS)
-    for t, moment in enumerate(histories[:-1]):
+    for t, history in enumerate(histories[:-1]):
         told = world.imagine(history, actions[None, t : t + longest])
         confusion[rewards[t] + 1, int(np.rint(told.rewards[0, 0])) + 1] += 1
         for horizon in HORIZONS:

@@ -48,7 +48,7 @@ class EpisodeRecord:
         """How many decisions were noted."""
         return len(self._actions)
 
-    def moment(self, state: Floats, length: int, proposed: Ints) -> History:
+    def history(self, state: Floats, length: int, proposed: Ints) -> History:
         """Return where a plan from the present state, ``(d,)``, begins, with up to so many states and actions."""
         return History(
             states=np.array([state, *self._states[: -length - 1 : -1]][:length], dtype=np.float32),

@@ -25,7 +25,7 @@ LEAST_MOVING_SHARE = 0.1
 MOST_TOGETHER = 0.05
 """Share of the frames with the rarer of two roles, up to which the other is seen in them too if they take turns."""
 
-# In nats. Who has a role and is seen keeps it in uncertainty, whatever it looks like just now; who has it and is not seen
+# In nats. Who has a role and is seen keeps it in doubt, whatever it looks like just now; who has it and is not seen
 # gives it up more easily. A newcomer must look and move alike; its place decides between several.
 _KEEPS, _GIVES_UP, _MOST_UNREST, _MOST_NEW = 2.0, 2.0, 4.0, 6.0
 

@@ -53,7 +53,7 @@ class SlotAssigner:
     Identities end with an episode, and sooner where an object leaves the image; a role stays. It is known by its
     habits: the classes that were seen in it, where it stays and how often it moves. A track that has moved and
     fits no free role founds one. Whoever fits best has the role (all pairs at once, by likelihood; who has it
-    keeps it if in uncertainty). After `frames` of random play roles of one kind that take turns become one, and the roles
+    keeps it if in doubt). After `frames` of random play roles of one kind that take turns become one, and the roles
     that move are given slots, ordered by kind, the older first; what stands still gets none. Whether the actions move
     it is measured as well: see `Controllability`.
 
