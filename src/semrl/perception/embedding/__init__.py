@@ -14,8 +14,15 @@ from semrl.perception.embedding.retrieval import Retrieval
 from semrl.perception.embedding.scene_graph import SceneGraphConfig, build_scene_graph
 from semrl.perception.embedding.scenery import Scenery
 from semrl.perception.embedding.slots import SlotsEmbedding, SlotsEmbeddingConfig
-from semrl.perception.embedding.word_hashes import WordHasher, word_hash
-from semrl.perception.embedding.words import WordsConfig, document, position_words, sentences, wl_hashes
+from semrl.perception.embedding.words import (
+    WordsConfig,
+    document,
+    hash_words,
+    position_words,
+    sentences,
+    wl_hashes,
+    word_hash,
+)
 
 __all__ = [
     "Doc2VecConfig",
@@ -32,12 +39,12 @@ __all__ = [
     "Scenery",
     "SlotsEmbedding",
     "SlotsEmbeddingConfig",
-    "WordHasher",
     "WordsConfig",
     "build_scene_graph",
     "document",
     "graph_distance",
     "graph_distances",
+    "hash_words",
     "nearest_graphs",
     "position_words",
     "sentences",

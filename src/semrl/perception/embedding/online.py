@@ -17,8 +17,7 @@ from semrl.core.arrays import Arrays, array_to_json, json_to_array
 from semrl.core.errors import DataError, UsageError
 from semrl.perception.embedding.fractional import FractionalEmbedding, FractionalEmbeddingConfig
 from semrl.perception.embedding.online_kernels import Memory, Rates, add_vectors, learn, new_memory
-from semrl.perception.embedding.word_hashes import WordHasher
-from semrl.perception.embedding.words import WordsConfig
+from semrl.perception.embedding.words import WordsConfig, hash_words, sentences
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -112,7 +111,6 @@ class OnlineEmbedding:
         self.documents_ = 0
         self.memory_: Memory | None = None
         self._places = _places(self.config)
-        self._hasher = WordHasher(self.config.words, self.config.seed)
         self._weight = 1 / np.sqrt(max(self.config.words.words_per_object, 1))
 
     @property
@@ -229,7 +227,8 @@ class OnlineEmbedding:
 
     def _words(self, graph: SceneGraph) -> Ints:
         """Return the bucket of each word, ``(n, words_per_object)``."""
-        buckets: Ints = (self._hasher.sentences(graph) % np.uint64(self.config.buckets)).astype(np.int64)
+        hashes = hash_words(sentences(graph, self.config.words), self.config.seed)
+        buckets: Ints = (hashes % np.uint64(self.config.buckets)).astype(np.int64)
         return buckets
 
     def _learned(self) -> Memory:
