@@ -2,15 +2,8 @@
 
 from semrl.perception.embedding.doc2vec import Doc2VecConfig, Doc2VecEmbedding
 from semrl.perception.embedding.fractional import FractionalEmbedding, FractionalEmbeddingConfig
-from semrl.perception.embedding.graph_distance import (
-    GraphDistanceConfig,
-    graph_distance,
-    graph_distances,
-    nearest_graphs,
-)
 from semrl.perception.embedding.hashing import HashedEmbedding, HashedEmbeddingConfig
 from semrl.perception.embedding.online import OnlineEmbedding, OnlineEmbeddingConfig
-from semrl.perception.embedding.retrieval import Retrieval
 from semrl.perception.embedding.scene_graph import SceneGraphConfig, build_scene_graph
 from semrl.perception.embedding.scenery import Scenery
 from semrl.perception.embedding.slots import SlotsEmbedding, SlotsEmbeddingConfig
@@ -29,12 +22,10 @@ __all__ = [
     "Doc2VecEmbedding",
     "FractionalEmbedding",
     "FractionalEmbeddingConfig",
-    "GraphDistanceConfig",
     "HashedEmbedding",
     "HashedEmbeddingConfig",
     "OnlineEmbedding",
     "OnlineEmbeddingConfig",
-    "Retrieval",
     "SceneGraphConfig",
     "Scenery",
     "SlotsEmbedding",
@@ -42,10 +33,7 @@ __all__ = [
     "WordsConfig",
     "build_scene_graph",
     "document",
-    "graph_distance",
-    "graph_distances",
     "hash_words",
-    "nearest_graphs",
     "position_words",
     "sentences",
     "wl_hashes",
