@@ -204,13 +204,7 @@ class CFTree:
         return store_to_arrays(self._store) | absorbed
 
     def from_arrays(self, arrays: Arrays) -> None:
-        """Take over what `to_arrays` of an equally configured tree returned.
-
-        Raises
-        ------
-        DataError
-            An array is missing, or they do not make a tree of this branching factor.
-        """
+        """Take over what `to_arrays` of an equally configured tree returned."""
         if not {"absorbed_ids", "absorbed_by"} <= arrays.keys():
             raise DataError("the saved CF tree lacks absorbed_ids or absorbed_by")
         self._store = store_from_arrays(arrays, self.config.branching_factor)

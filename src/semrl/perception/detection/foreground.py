@@ -97,13 +97,7 @@ class ForegroundDetector:
         return self
 
     def detect(self, frame: Frame | Image) -> Objects:
-        """Find the objects of a frame, from top to bottom.
-
-        Raises
-        ------
-        DataError
-            No frame was learned from yet, or this one has another shape.
-        """
+        """Find the objects of a frame, from top to bottom."""
         if not self.frames_:
             raise DataError("the detector has seen no frame yet: call partial_fit first")
         pixels = self._checked(frame)

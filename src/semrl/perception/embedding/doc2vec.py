@@ -149,23 +149,7 @@ class Doc2VecEmbedding:
         return self
 
     def transform(self, graph: SceneGraph) -> Floats:
-        """Infer the vector of a scene.
-
-        Parameters
-        ----------
-        graph
-            The scene. Words that are not in the vocabulary are left out.
-
-        Returns
-        -------
-        ndarray
-            ``(dimension,)`` float32; zeros for a scene without objects.
-
-        Raises
-        ------
-        UsageError
-            If nothing was learned yet.
-        """
+        """Infer the vector of a scene, ``(dimension,)`` float32; words that are not in the vocabulary are left out."""
         from gensim.models import doc2vec
         from gensim.models.keyedvectors import pseudorandom_weak_vector
 
@@ -196,13 +180,7 @@ class Doc2VecEmbedding:
         return arrays
 
     def from_arrays(self, arrays: Arrays) -> None:
-        """Take over what `to_arrays` of an equally configured embedding returned.
-
-        Raises
-        ------
-        DataError
-            If the arrays come from an embedding with other settings.
-        """
+        """Take over what `to_arrays` of an equally configured embedding returned."""
         if not arrays:
             self.model_ = None
             return

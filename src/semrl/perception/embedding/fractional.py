@@ -77,23 +77,7 @@ class FractionalEmbedding(Unlearned):
         self._objects = Memo(self._embed_objects, width=3)  # class, doubled row and column → its vector
 
     def transform(self, graph: SceneGraph) -> Floats:
-        """Embed a scene: a pure function of its objects, in any order, and of the configuration.
-
-        Parameters
-        ----------
-        graph
-            The scene.
-
-        Returns
-        -------
-        ndarray
-            ``(dimension,)`` float32; zeros for a scene without objects.
-
-        Raises
-        ------
-        DataError
-            If a centre is not finite or too far away.
-        """
+        """Embed a scene, ``(dimension,)`` float32: a pure function of its objects and the configuration."""
         vectors, places = self._objects.look_up(object_keys(graph))
         return _sum_rows(vectors, places, self._scale)
 

@@ -82,25 +82,9 @@ class HashedEmbedding(Unlearned):
         self._objects = Memo(self._sum_objects, width=3)  # class, doubled row and column → its words' signed sum
 
     def transform(self, graph: SceneGraph) -> Floats:
-        """Embed a scene.
+        """Embed a scene, ``(dimension,)`` float32: a pure function of it, the same bits in every process.
 
-        A pure function of the scene and the configuration, the same bits in every process: words are
-        counted as integers, so the order of the sum does not matter, and scaled once.
-
-        Parameters
-        ----------
-        graph
-            The scene.
-
-        Returns
-        -------
-        ndarray
-            ``(dimension,)`` float32; zeros for a scene without objects.
-
-        Raises
-        ------
-        DataError
-            If a centre is not finite or too far away.
+        Words are counted as integers, so the order of the sum does not matter, and scaled once.
         """
         sums, places = self._objects.look_up(object_keys(graph))
         total = sums[places].sum(axis=0)

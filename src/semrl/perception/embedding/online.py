@@ -141,13 +141,7 @@ class OnlineEmbedding:
         return self
 
     def partial_fit(self, graph: SceneGraph) -> Self:
-        """Learn from one scene, which is not needed again.
-
-        Raises
-        ------
-        DataError
-            If a centre is not finite or too far away; nothing is learned then.
-        """
+        """Learn from one scene, which is not needed again."""
         # Divided by the root of their number, so that crowded scenes are learned like others.
         crowd = np.float32(1 / np.sqrt(max(len(graph), 1)))
         priors = np.float32(self.config.prior) * crowd * self._places.objects(graph)
@@ -159,25 +153,7 @@ class OnlineEmbedding:
         return self
 
     def transform(self, graph: SceneGraph) -> Floats:
-        """Embed a scene: a pure function of it and of what was learned, the same bits in every process.
-
-        Parameters
-        ----------
-        graph
-            The scene. A word that was never met adds nothing.
-
-        Returns
-        -------
-        ndarray
-            ``(dimension,)`` float32; zeros for a scene without objects.
-
-        Raises
-        ------
-        UsageError
-            If nothing was learned yet.
-        DataError
-            If a centre is not finite or too far away.
-        """
+        """Embed a scene, ``(dimension,)`` float32: a pure function of its objects and of what was learned."""
         memory = self._learned()
         prior: Floats = np.float32(self.config.prior) * self._places.transform(graph)
         return prior + np.float32(self._weight) * add_vectors(self._words(graph), memory.vectors)
@@ -193,13 +169,7 @@ class OnlineEmbedding:
         }
 
     def from_arrays(self, arrays: Arrays) -> None:
-        """Take over what `to_arrays` of an equally configured embedding returned.
-
-        Raises
-        ------
-        DataError
-            If the arrays come from an embedding with other settings.
-        """
+        """Take over what `to_arrays` of an equally configured embedding returned."""
         if not arrays:
             self.documents_, self.memory_ = 0, None
             return
