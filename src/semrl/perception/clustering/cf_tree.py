@@ -28,25 +28,17 @@ LEAST_GROWTH = 1.05  # of the threshold at a rebuilding, so that a series of the
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CFTreeConfig:
-    """Parameters of a `CFTree` (§3.2.2; §3.4.1 for the state map).
-
-    Attributes
-    ----------
-    threshold
-        Largest radius ``sqrt(S / n)`` of a leaf, in units of the data; it grows when `max_leaves` is met.
-    branching_factor
-        Most children of a node, at least 2.
-    compact
-        Whether a row must also lie within the threshold of the mean of the leaf it joins. The radius alone
-        hardly grows when a leaf of many rows takes in a distant one, so common kinds swallow rare neighbours.
-    max_leaves
-        Most leaves, or None for no limit.
-    """
+    """Parameters of a `CFTree` (§3.2.2; §3.4.1 for the state map)."""
 
     threshold: float = 0.5
+    """Largest radius ``sqrt(S / n)`` of a leaf, in units of the data; it grows when `max_leaves` is met."""
     branching_factor: int = 50
+    """Most children of a node, at least 2."""
     compact: bool = False
+    """Whether a row must also lie within the threshold of the mean of the leaf it joins. The radius alone hardly grows
+    when a leaf of many rows takes in a distant one, so common kinds swallow rare neighbours."""
     max_leaves: int | None = None
+    """Most leaves, or None for no limit."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.threshold <= LARGEST:

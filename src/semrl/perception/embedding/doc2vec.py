@@ -24,37 +24,26 @@ class Doc2VecConfig:
 
     documents: int = 30_000
     """Number of scenes to gather before training."""
-
     dimension: int = 128
     """Length of the vectors."""
-
     min_count: int = 2
     """How often a word must occur in all scenes together to be used."""
-
     epochs: int = 20
     """Passes over the scenes in training, and over the one scene when its vector is inferred."""
-
     learning_rate: float = 0.025
     """Learning rate at the start of training and of inferring; it falls linearly to 0.0001."""
-
     window_words: int = 16
     """PV-DM: the largest distance of context and predicted word, in words."""
-
     hierarchical_softmax: bool = True
     """Whether to predict words down a Huffman tree."""
-
     words: WordsConfig = field(default_factory=WordsConfig)
     """Which words describe a scene; their form selects the algorithm, PV-DBOW or PV-DM."""
-
     negative: int = 0
     """Number of noise words of negative sampling; 0 for none."""
-
     max_vocabulary_words: int = 30_000
     """When more distinct words than this were seen, the rarest are dropped."""
-
     down_sampling: float = 1e-4
     """Share of the text above which a word is skipped at random; 0 never skips. Karate Club's value."""
-
     seed: int = 0
     """Seed of first weights, skipped words and noise words."""
 

@@ -30,10 +30,8 @@ class FractionalEmbeddingConfig:
 
     dimension: int = 128
     """Length of the vectors, an even number."""
-
     width_px: float = 16.0
     """How far apart two places are, in pixels, whose similarity has fallen to exp(−1/2)."""
-
     seed: int = 0
     """Selects the phases of the classes, from 0 on."""
 

@@ -29,16 +29,12 @@ class HashedEmbeddingConfig:
 
     dimension: int = 128
     """Length of the vectors."""
-
     words: WordsConfig = field(default_factory=WordsConfig)
     """Which words describe a scene."""
-
     spread_px: float = 0.0
     """Position words are spread over the neighbouring positions within this distance; 0: they stand alone."""
-
     neighbourhood_weight: float = 1.0
     """How much a Weisfeiler–Lehman hash counts, against 1 for a position word."""
-
     seed: int = 0
     """Selects the hash function, from 0 on."""
 

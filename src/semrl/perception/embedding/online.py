@@ -26,40 +26,28 @@ class OnlineEmbeddingConfig:
 
     dimension: int = 128
     """Length of the vectors."""
-
     documents: int = 5_000
     """Scenes to learn from before the agent begins; then words stay as they are, and no vector drifts."""
-
     prior: float = 1.0
     """What places as phases count, which need no learning; 0: words alone."""
-
     width_px: float = 16.0
     """How far apart two places are, in pixels, whose similarity has fallen to exp(−1/2), before learning."""
-
     words: WordsConfig = field(default_factory=WordsConfig)
     """Which words describe a scene."""
-
     buckets: int = 1 << 15
     """Words share so many vectors, by their hashes."""
-
     learning_rate: float = 0.01
     """Learning rate at the first document."""
-
     halving_documents: int = 2_000
     """Documents after which the learning rate is half of that, then a third, a quarter and so on; 0: it stays."""
-
     anchor: float = 10.0
     """How strongly words are pulled back to where they began, as a multiple of the learning rate."""
-
     negative: int = 5
     """Number of noise words of negative sampling."""
-
     corruption: float = 0.5
     """Share of a scene's objects that are hidden in learning: their words must be told from the others."""
-
     down_sampling: float = 1e-5
     """Share of the text above which a word is skipped at random as something to be predicted."""
-
     seed: int = 0
     """Of hash function, noise and skipped words."""
 

@@ -20,10 +20,8 @@ class SceneGraphConfig:
 
     proximity_px: float = 20.0
     """Objects whose centres are at most this far apart, in pixels, are joined."""
-
     omit_scenery: bool = False
     """Leave out objects of kinds that never move, such as walls and the digits of a score."""
-
     scenery_frames: int = 500
     """Frames in which kinds are seen to move or not, where scenery is left out."""
 

@@ -40,10 +40,8 @@ class WordsConfig:
 
     form: Literal["pv-dbow", "pv-dm"] = "pv-dbow"
     """Words of an object: `pv-dbow` adds words that bind class and position together, `pv-dm` does not."""
-
     wl_iterations: int = 2
     """How often labels are hashed with those of their neighbours; each time adds a word to an object."""
-
     coarse_px: int = 5
     """Width in pixels of the cells of an approximate position."""
 

@@ -30,25 +30,17 @@ _KEEPS, _GIVES_UP, _MOST_UNREST, _MOST_NEW = 2.0, 2.0, 4.0, 6.0
 
 
 class Known(NamedTuple):
-    """What tracks are measured against, for k roles.
-
-    Attributes
-    ----------
-    roles
-        ``(k,)`` int64, their numbers.
-    surprises
-        ``(k, c + 1)``, minus the logarithm of the share of each class, the last for all classes never seen.
-    means_px, variances
-        ``(k, 2)``, of the centres.
-    mobilities
-        ``(k,)``, share of the decisions at which it moves.
-    """
+    """What tracks are measured against, for k roles."""
 
     roles: Ints
+    """``(k,)`` int64, their numbers."""
     surprises: NDArray[np.float64]
+    """``(k, c + 1)``, minus the logarithm of the share of each class, the last for all classes never seen."""
     means_px: NDArray[np.float64]
     variances: NDArray[np.float64]
+    """``(k, 2)``, of the centres."""
     mobilities: NDArray[np.float64]
+    """``(k,)``, share of the decisions at which it moves."""
 
 
 class Habits(Saved):
