@@ -55,11 +55,6 @@ class Birch:
     depend on the batches alone. New clusters take over the numbers of the classes with which they share most
     rows, all pairs at once (Hungarian assignment); one that shares none gets the lowest free number.
 
-    Parameters
-    ----------
-    config
-        See `BirchConfig`.
-
     Attributes
     ----------
     revision : object

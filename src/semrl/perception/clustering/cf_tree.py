@@ -62,11 +62,6 @@ class CFTree:
     nearest sibling, and all leaves are inserted anew, oldest first. Of two that merge the older id lives on,
     and `resolve` knows what became of the other.
 
-    Parameters
-    ----------
-    config
-        See `CFTreeConfig`.
-
     Notes
     -----
     The result depends on the order of the rows, but not on how they are cut into batches.

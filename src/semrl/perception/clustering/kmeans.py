@@ -41,11 +41,6 @@ class KMeans(Saved):
     this centre has had. While centres are found anew, they take over the numbers of the classes with which they share
     most rows; afterwards a class is a centre, and keeps its number.
 
-    Parameters
-    ----------
-    config
-        See `KMeansConfig`.
-
     Attributes
     ----------
     revision : object

@@ -62,11 +62,6 @@ class SelfOrganisingMap(Saved):
     of them; then they are joined by Ward linkage at the end of each batch. Classes keep their numbers as
     those of `Birch` do.
 
-    Parameters
-    ----------
-    config
-        See `SelfOrganisingMapConfig`.
-
     Attributes
     ----------
     revision : object

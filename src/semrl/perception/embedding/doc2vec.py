@@ -67,11 +67,6 @@ class Doc2VecEmbedding:
     vector drawn by a hash of our own. (Gensim's ``infer_vector`` goes on with a generator it shares with
     all calls before, and draws by Python's ``hash``, which differs between processes.)
 
-    Parameters
-    ----------
-    config
-        Settings; the thesis's if none are given.
-
     Raises
     ------
     MissingExtraError

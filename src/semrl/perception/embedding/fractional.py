@@ -60,11 +60,6 @@ class FractionalEmbedding(Unlearned):
     covers the distribution better than chance (Yang et al., "Quasi-Monte Carlo feature maps", ICML 2014).
 
     An object has length 1 whatever else is in the picture. Places are taken to half a pixel.
-
-    Parameters
-    ----------
-    config
-        Settings; the defaults if none are given.
     """
 
     def __init__(self, config: FractionalEmbeddingConfig | None = None) -> None:

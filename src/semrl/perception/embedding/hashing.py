@@ -59,11 +59,6 @@ class HashedEmbedding(Unlearned):
     another object. With ``spread_px`` an object also says, less loudly, the words of the positions around
     it: its vector is the mean of theirs under a triangular window, a smooth function of its centre, to
     half a pixel.
-
-    Parameters
-    ----------
-    config
-        Settings; the defaults if none are given.
     """
 
     def __init__(self, config: HashedEmbeddingConfig | None = None) -> None:

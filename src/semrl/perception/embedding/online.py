@@ -81,11 +81,6 @@ class OnlineEmbedding:
     Three things hold drift down: the prior does not move and fixes the axes of the space, each word is pulled back to
     zero (`anchor`), and the learning rate falls. It is over when nobody calls `partial_fit` any more.
 
-    Parameters
-    ----------
-    config
-        Settings; the defaults if none are given.
-
     Attributes
     ----------
     documents_ : int

@@ -57,11 +57,6 @@ class Roles:
     that move are given slots, ordered by kind, the older first; what stands still gets none. Whether the actions move
     it is measured as well: see `Influence`.
 
-    Parameters
-    ----------
-    config
-        See `RolesConfig`.
-
     Attributes
     ----------
     frames_ : int
