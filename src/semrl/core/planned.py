@@ -36,36 +36,25 @@ class Trajectory:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Transitions:
-    """Decisions, each on its own: what the models of §3.4.3 learn from.
-
-    Attributes
-    ----------
-    states, previous, next_states
-        ``(t, d)`` float32: the state in which the decision was taken, the one before and the one after it.
-    actions
-        ``(t,)`` int64.
-    rewards
-        ``(t,)`` float32.
-    """
+    """Decisions, each on its own: what the models of §3.4.3 learn from."""
 
     states: Floats
+    """``(t, d)`` float32, in which the decisions were taken."""
     previous: Floats
+    """``(t, d)`` float32, the states before these."""
     actions: Ints
+    """``(t,)`` int64."""
     rewards: Floats
+    """``(t,)`` float32."""
     next_states: Floats
+    """``(t, d)`` float32, what they led to."""
 
     def __len__(self) -> int:
         return len(self.actions)
 
     def take(self, places: Ints) -> "Transitions":
         """Return those at the given places, in that order."""
-        return Transitions(
-            states=self.states[places],
-            previous=self.previous[places],
-            actions=self.actions[places],
-            rewards=self.rewards[places],
-            next_states=self.next_states[places],
-        )
+        return Transitions(**{name: getattr(self, name)[places] for name in self.__dataclass_fields__})
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

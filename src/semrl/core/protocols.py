@@ -5,7 +5,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from semrl.core.arrays import Arrays
+from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.errors import DataError
 
 
@@ -49,16 +49,20 @@ class Stateless:
 
 
 class Saved:
-    """Something whose learned state is in some of its attributes: arrays, and numbers, which are arrays of no axis.
+    """Something whose learned state is in some of its attributes.
 
-    `SAVED` names them; an array is called like its attribute without the underscores around it.
+    An array is called like its attribute without the underscores around it, those of a part stand behind its name.
     """
 
     SAVED: tuple[str, ...] = ()
+    """Attributes that are arrays, or numbers, which are arrays of no axis."""
+    PARTS: tuple[str, ...] = ()
+    """Attributes that are `Persistent` themselves."""
 
     def to_arrays(self) -> Arrays:
         """Return copies of all that was learned; restoring them gives the same behaviour, bit for bit."""
-        return {name.strip("_"): np.array(getattr(self, name)) for name in self.SAVED}
+        parts = {name.strip("_"): getattr(self, name).to_arrays() for name in self.PARTS}
+        return {name.strip("_"): np.array(getattr(self, name)) for name in self.SAVED} | nest(**parts)
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Take over copies of what `to_arrays` of an equally configured one returned."""
@@ -68,6 +72,8 @@ class Saved:
         for name in self.SAVED:
             array = arrays[name.strip("_")]
             setattr(new, name, array.copy() if array.ndim else array.item())
+        for name in self.PARTS:
+            getattr(new, name).from_arrays(unnest(arrays, name.strip("_")))
         new._restored()
         vars(self).update(vars(new))
 

@@ -12,6 +12,7 @@ from semrl.core import Floats, Ints, Transitions
 from semrl.core.arrays import Arrays, array_to_rng, nest, rng_to_array, unnest
 from semrl.core.errors import SemrlError
 from semrl.core.networks import arrays_to_module, arrays_to_optimiser, dense, module_to_arrays, optimiser_to_arrays
+from semrl.core.protocols import Saved
 
 LEAST_DEVIATION = 0.1
 """Smallest deviation that inputs are divided by, as a share of the root mean square over all of them."""
@@ -118,7 +119,7 @@ class DenseNetwork:
         self._rng = array_to_rng(arrays["rng"])
 
 
-class NetworkModel:
+class NetworkModel(Saved):
     """What both models have in common when they are networks: scaled features go in, and the scales stay.
 
     Parameters
@@ -130,6 +131,9 @@ class NetworkModel:
     n_actions
         Number of actions.
     """
+
+    SAVED: tuple[str, ...] = ("_centre", "_scale", "is_fitted")
+    PARTS = ("network",)
 
     def __init__(self, network: DenseNetwork, dimension: int, n_actions: int) -> None:
         self.network = network
@@ -147,14 +151,3 @@ class NetworkModel:
     def _rows(self, states: Floats, previous: Floats, actions: Ints) -> Floats:
         """Return scaled features."""
         return (features(states, previous, actions, self.n_actions) - self._centre) / self._scale
-
-    def to_arrays(self) -> Arrays:
-        """Return the network and its scales."""
-        own = {"centre": self._centre, "scale": self._scale, "is_fitted": np.array(self.is_fitted)}
-        return nest(network=self.network.to_arrays()) | own
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Go on exactly where `to_arrays` was called."""
-        self.network.from_arrays(unnest(arrays, "network"))
-        self._centre, self._scale = arrays["centre"], arrays["scale"]
-        self.is_fitted = bool(arrays["is_fitted"])

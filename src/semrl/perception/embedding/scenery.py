@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.core import Ints
-from semrl.core.kernels import compiled
 from semrl.core.protocols import Saved
 
 LEAST_MOVED_SHARE = 0.1
@@ -42,7 +41,8 @@ class Scenery(Saved):
 
     def is_still(self, classes: Ints) -> NDArray[np.bool_]:
         """Say of each of ``(n,)`` classes whether it is of a kind that stands still."""
-        return _are_still(classes, self._objects, self._moved)
+        still = self._moved < LEAST_MOVED_SHARE * self._objects  # false where none was met
+        return np.isin(classes, np.flatnonzero(still))
 
     def partial_fit(self, classes: Ints, centres_px: NDArray[Any]) -> Self:
         """Learn from one frame; frames are expected in their order.
@@ -67,13 +67,3 @@ class Scenery(Saved):
 
 def _grown(counts: Ints, size: int) -> Ints:
     return np.pad(counts, (0, size - len(counts)))
-
-
-@compiled
-def _are_still(classes: Ints, objects: Ints, moved: Ints) -> NDArray[np.bool_]:
-    still = np.zeros(len(classes), np.bool_)
-    for i in range(len(classes)):
-        kind = classes[i]
-        if 0 <= kind < len(objects):
-            still[i] = moved[kind] < LEAST_MOVED_SHARE * objects[kind]  # false where none was met
-    return still
