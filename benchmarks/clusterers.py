@@ -25,7 +25,7 @@ from rich.table import Table
 from sklearn.metrics import adjusted_rand_score
 
 from semrl.core import Image, Ints
-from semrl.perception.clustering import Birch, davies_bouldin, dunn, silhouette
+from semrl.perception.clustering import Birch
 from semrl.perception.clustering.kmeans import KMeans
 from semrl.perception.clustering.protocol import Clusterer
 from semrl.perception.clustering.som import SelfOrganisingMap
@@ -35,6 +35,7 @@ from semrl.perception.detection.segmentation import KMeansDetector
 from semrl.perception.pretraining.stability import label_agreement
 from semrl.training import RunConfig, preset
 from semrl.training.session import limited_threads
+from semrl_thesis.cluster_indices import davies_bouldin, dunn, silhouette
 from semrl_thesis.clusters import DUNN_EVERY
 from semrl_thesis.perception import PLAY_SEED, Schooled, new_run, random_play, school
 

@@ -3,9 +3,9 @@
 import numpy as np
 import tyro
 
-from semrl.agents.hierarchy import MazeHierarchy, MazeHierarchyConfig
-from semrl.agents.tabular import QLearning, QLearningConfig, train
 from semrl.envs.maze import N_TILES, FourRooms, shortest_steps
+from semrl_thesis.hierarchy import MazeHierarchy, MazeHierarchyConfig
+from semrl_thesis.tabular import QLearning, QLearningConfig, train
 
 
 def main(steps: int = 4_000, seed: int = 0) -> None:

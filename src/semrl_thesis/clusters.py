@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.core import Ints
-from semrl.perception.clustering import davies_bouldin, dunn, silhouette
 from semrl.perception.reduction.protocol import Reducer
 from semrl.training import RunConfig, preset
 from semrl_thesis.base import Context, Experiment
+from semrl_thesis.cluster_indices import davies_bouldin, dunn, silhouette
 from semrl_thesis.figures import Bars, Curve, Curves, Figure, Panel, Picture, Pictures, Scatter
 from semrl_thesis.perception import Pretrained, new_run, objects_of, pretrain
 from semrl_thesis.results import Number, Result

@@ -14,7 +14,6 @@ from semrl.core import SceneGraph
 from semrl.core.errors import MissingExtraError
 from semrl.perception.embedding import OnlineEmbedding
 from semrl.perception.embedding.protocol import Embedder
-from semrl.perception.embedding.retrieval import embed
 from semrl.training import RunConfig
 from semrl.training.config import merge
 from semrl_thesis.base import Context, Experiment, Scale
@@ -22,6 +21,7 @@ from semrl_thesis.drift import cosines_to, probes_of
 from semrl_thesis.embedding_evaluation import Evaluator, call_judge
 from semrl_thesis.perception import NEW_RUN_SEED, PLAY_SEED, by_frame, make_embedder, pretrain
 from semrl_thesis.results import Number, Result
+from semrl_thesis.similarity import embed
 from semrl_thesis.sweep import RunSpec
 from semrl_thesis.watching import COORDINATES, Watched, watch
 

@@ -10,13 +10,13 @@ from scipy.linalg import orthogonal_procrustes
 
 from semrl.core import Floats, SceneGraph
 from semrl.perception.embedding import OnlineEmbedding
-from semrl.perception.embedding.retrieval import cosine_similarities, embed
 from semrl.training import RunConfig
 from semrl_thesis.base import Context, Experiment
 from semrl_thesis.embedding_evaluation import Evaluator, call_judge
 from semrl_thesis.figures import Curve, Curves, Figure
 from semrl_thesis.perception import NEW_RUN_SEED, PLAY_SEED, by_frame, make_embedder, pretrain
 from semrl_thesis.results import Number, Result
+from semrl_thesis.similarity import cosine_similarities, embed
 from semrl_thesis.watching import Watched, watch
 
 PROBES = 1_000

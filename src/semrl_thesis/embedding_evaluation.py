@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.core import Floats
-from semrl.perception.embedding import graph_distances
 from semrl.perception.embedding.protocol import Embedder
-from semrl.perception.embedding.retrieval import (
+from semrl_thesis.graph_distance import graph_distances
+from semrl_thesis.similarity import (
     Retrieval,
     cosine_similarities,
     embed,

@@ -12,9 +12,14 @@ import numpy as np
 
 from semrl.core import Floats, SceneGraph
 from semrl.core.errors import MissingExtraError
-from semrl.perception.embedding import graph_distances
 from semrl.perception.embedding.protocol import Embedder
-from semrl.perception.embedding.retrieval import (
+from semrl.training import RunConfig
+from semrl_thesis.base import Context, Experiment
+from semrl_thesis.graph_distance import graph_distances
+from semrl_thesis.perception import PLAY_SEED, by_frame, make_embedder, new_run, pretrain, random_play, scenes_of
+from semrl_thesis.results import Number, Result
+from semrl_thesis.retrieval_figures import EmbeddingTest, Validation, draw
+from semrl_thesis.similarity import (
     Retrieval,
     cosine_similarities,
     embed,
@@ -22,11 +27,6 @@ from semrl.perception.embedding.retrieval import (
     retrieve,
     search,
 )
-from semrl.training import RunConfig
-from semrl_thesis.base import Context, Experiment
-from semrl_thesis.perception import PLAY_SEED, by_frame, make_embedder, new_run, pretrain, random_play, scenes_of
-from semrl_thesis.results import Number, Result
-from semrl_thesis.retrieval_figures import EmbeddingTest, Validation, draw
 
 DISTANCES = (5, 100, 200)
 """Graph distances that count as near: an object a few pixels off; none missing; one missing."""

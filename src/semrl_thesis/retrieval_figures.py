@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.core import Ints
-from semrl.perception.embedding.retrieval import Retrieval
 from semrl_thesis.figures import Bars, Curve, Curves, Figure, Scatter
+from semrl_thesis.similarity import Retrieval
 
 SELF_FIGURES = {"pv-dm": "4.7", "pv-dbow": "4.8"}
 """Embeddings that the thesis draws searching their training set."""

@@ -19,7 +19,7 @@ from semrl.core import IMAGE_SIZE_PX, Frame, Observation, SceneGraph
 from semrl.core.errors import UsageError
 from semrl.perception.detection import OtsuDetector
 from semrl.perception.detection.grey import to_grey
-from semrl.perception.embedding import HashedEmbedding, WordHasher, build_scene_graph
+from semrl.perception.embedding import HashedEmbedding, build_scene_graph, sentences
 from semrl.perception.embedding.protocol import Embedder
 from semrl.perception.encoders import Encoder
 from semrl.perception.encoders.scene import SceneEncoder
@@ -130,7 +130,7 @@ def upper_line(encoder: Encoder, play: Iterator[Observation], frames: Sequence[F
     reduced = [perception.reducer.transform(found.features) for found in objects]
     classes = [perception.clusterer.predict(rows) for rows in reduced]
     graphs = [perception.scene(image) for image in images]
-    hasher = WordHasher(perception.config.hashed.words)
+    words = partial(sentences, config=perception.config.hashed.words)
     join = partial(build_scene_graph, proximity_px=perception.config.scene.proximity_px)
     shown = [(graph.classes, graph.centres_px) for graph in graphs]
     seen = [Observation(frame=frame) for frame in frames]
@@ -149,7 +149,7 @@ def upper_line(encoder: Encoder, play: Iterator[Observation], frames: Sequence[F
         Stage("classes, remembered", perception.classes, objects),
         Stage("scenery", perception.shown, classes),
         Stage("scene graph", lambda pair: join(*pair), shown),
-        Stage("words", hasher.sentences, graphs),
+        Stage("words", words, graphs),
         Stage("words and vector", embedder.transform, graphs),
         Stage(ELEVATION, alone.encode, seen),
         Stage(f"{ELEVATION}, {BATCH} frames at once", encode_all, batches, frames=BATCH),

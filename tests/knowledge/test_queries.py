@@ -5,14 +5,15 @@ import math
 import sys
 import threading
 
+import pyoxigraph as ox
 import pytest
 from graphs import ACTIONS, empty_map, random_map
 
 from semrl.core.errors import SemrlError, UsageError
+from semrl.knowledge import queries as asking
 from semrl.knowledge.guard import guarded
 from semrl.knowledge.queries import Answer, Limits, ask
 from semrl.knowledge.store import to_store
-from semrl.world_model import asking
 
 GRAPH = random_map(1)
 
@@ -57,14 +58,11 @@ def test_rows_are_cut_at_the_limit(store):
 
 
 HARMLESS = [
-    'SELECT ("SERVICE" AS ?x) {}',
     "SELECT ('FROM \\' LOAD \"' AS ?x) {}",
-    'SELECT (\'\'\'SERVICE \' FROM\'\'\' AS ?x) ("""LOAD " "" FROM""" AS ?y) {}',
-    "SELECT ?from ?service $load { ?from ?service $load } LIMIT 1",
+    'SELECT (\'\'\'LOAD \' FROM\'\'\' AS ?x) ("""LOAD " "" FROM""" AS ?y) {}',
+    "SELECT ?from $load { ?from a $load } LIMIT 1",
     "SELECT * { ?s ?p <http://x/FROM> }",
-    "SELECT * { ?s ?p <http://x/y#SERVICE>, <urn:LOAD> }",
-    "PREFIX ex: <http://x/> SELECT * { ?s ex:service ex:FROM, ex:Load ; a ex:a-service }",
-    "SELECT * {} # SERVICE <http://x> {}",
+    "PREFIX ex: <http://x/> SELECT * { ?s ex:serves ex:FROM, ex:Load ; a ex:a-server }",
     "# FROM <x>\nSELECT * {} # LOAD",
     "SELECT * { ?s ?p ?o FILTER(?o < 3 && ?o > 1) }",
     "SELECT * { ?s ?p ?o FILTER(?o<3&&?o>1) }",
@@ -103,37 +101,17 @@ HOSTILE = [
     ("SELECT * { ?s ?p 'a' SERVICE %s { ?s ?p 'b' } }", "SERVICE"),
     ("SELECT * { ?s ?p 'a\\\\' SERVICE %s {} #'\n}", "SERVICE"),
     ("PREFIX ex: %s SELECT * { ?s ?p ex:a\\' SERVICE %s {} #'\n}", "SERVICE"),
-    ("SELECT * { ?s ?p <http://x/'> SERVICE %s {} #'\n}", "%27"),
-    ("SELECT * { ?s ?p ?o FILTER(?o<'>') SERVICE %s {} #'\n}", "%27"),
-    ("SELECT * { ?s ?p ?o FILTER(?o<#>'''\n?p) SERVICE %s {} #'''\n}", "less than"),
-    ("SELECT * { ?s ?p ?o FILTER(?o<(?s>2)||'a'<#>'''\n1) SERVICE %s {} #'''\n}", "less than"),
-    ("SELECT * { ?s ?p ?o FILTER(?o<<urn:'>) SERVICE %s {} #'\n}", "'<<' is not allowed"),
-    ("SELECT * { <<?s?p'>'>> SERVICE %s {} #'\n}", "'<<' is not allowed"),
-    ("SELECT * FROM <urn:x> { ?s ?p ?o }", "FROM"),
-    ("SELECT*FROM<urn:x>{ ?s ?p ?o }", "FROM"),
-    ("ASKFROM<urn:x>{ ?s ?p ?o }", "FROM"),
-    ("SELECT * FROM NAMED <urn:x> { ?s ?p ?o }", "FROM"),
-    ("PREFIX from: <urn:x> SELECT*FROM:x{ ?s ?p ?o }", "FROM"),
-    ("SELECT * FR\\u004fM <urn:x> { ?s ?p ?o }", "FROM"),
-    ("LOAD <file:///etc/passwd>", "LOAD"),
-    ("LOAD SILENT <http://x> INTO GRAPH <urn:x>", "LOAD"),
-    ("PREFIX a: <urn:a>LOAD<http://x>", "LOAD"),
-    ("CONSTRUCT { ?s ?p ?o } { ?s ?p ?o }", "CONSTRUCT"),
-    ("construct where { ?s ?p ?o }", "CONSTRUCT"),
-    ("DESCRIBE <urn:x>", "DESCRIBE"),
-    ("INSERT DATA { <urn:a> <urn:b> 1 }", "INSERT"),
-    ("DELETE WHERE { ?s ?p ?o }", "DELETE"),
-    ("WITH <urn:g> DELETE { ?s ?p ?o } WHERE { ?s ?p ?o }", "WITH"),
-    ("SELECT * { ?s ?p ?o } ; DROP ALL", "DROP"),
-    ("CLEAR ALL", "CLEAR"),
-    ("CREATE GRAPH <urn:x>", "CREATE"),
-    ("COPY DEFAULT TO <urn:x>", "COPY"),
-    ("MOVE DEFAULT TO <urn:x>", "MOVE"),
-    ("ADD DEFAULT TO <urn:x>", "ADD"),
+    ("SELECT * { ?s ?p <http://x/'> SERVICE %s {} #'\n}", "SERVICE"),
+    ("SELECT * { ?s ?p ?o FILTER(?o<'>') SERVICE %s {} #'\n}", "SERVICE"),
+    ("SELECT * { ?s ?p ?o FILTER(?o<#>'''\n?p) SERVICE %s {} #'''\n}", "SERVICE"),
+    ("SELECT * { ?s ?p ?o FILTER(?o<(?s>2)||'a'<#>'''\n1) SERVICE %s {} #'''\n}", "SERVICE"),
+    ("SELECT * { ?s ?p ?o FILTER(?o<<urn:'>) SERVICE %s {} #'\n}", "SERVICE"),
+    ("SELECT * { <<?s?p'>'>> SERVICE %s {} #'\n}", "SERVICE"),
     ("SELECT ('\\uD83D' AS ?x) {}", "does not exist"),
     ("SELECT ('\\U00110000' AS ?x) {}", "does not exist"),
     ("SELECT ('\\u12' AS ?x) {}", "codepoint escape"),
-    ("SELECT * { ?s ?p 'open }", "quotation mark"),
+    ('SELECT ("SERVICE" AS ?x) {}', "SERVICE"),
+    ("SELECT * {} # service", "SERVICE"),
 ]
 
 
@@ -143,6 +121,39 @@ def test_hostile_queries_are_refused_by_name_before_the_store_sees_them(store, m
     with pytest.raises(UsageError) as refused:
         ask(store, query.replace("%s", U))
     assert said in str(refused.value) and "\n" not in str(refused.value)
+
+
+UPDATES = [
+    "LOAD <file:///etc/passwd>",
+    "LOAD SILENT <http://x> INTO GRAPH <urn:x>",
+    "PREFIX a: <urn:a>LOAD<http://x>",
+    "CONSTRUCT { ?s ?p ?o } { ?s ?p ?o }",
+    "construct where { ?s ?p ?o }",
+    "DESCRIBE <urn:x>",
+    "INSERT DATA { <urn:a> <urn:b> 1 }",
+    "DELETE WHERE { ?s ?p ?o }",
+    "WITH <urn:g> DELETE { ?s ?p ?o } WHERE { ?s ?p ?o }",
+    "SELECT * { ?s ?p ?o } ; DROP ALL",
+    "CLEAR ALL",
+    "CREATE GRAPH <urn:x>",
+    "COPY DEFAULT TO <urn:x>",
+    "MOVE DEFAULT TO <urn:x>",
+    "ADD DEFAULT TO <urn:x>",
+]
+
+
+@pytest.mark.parametrize("query", UPDATES)
+def test_what_does_not_only_read_is_not_answered(store, query):
+    before = store.dump(format=ox.RdfFormat.N_QUADS)
+    with pytest.raises(UsageError, match="the query cannot be answered: "):
+        ask(store, query)
+    assert store.dump(format=ox.RdfFormat.N_QUADS) == before
+
+
+@pytest.mark.parametrize("dataset", ["FROM <urn:x>", "FROM NAMED <urn:x>", "FROM <http://127.0.0.1:9/>"])
+def test_no_dataset_but_the_map_is_read(store, dataset):
+    asked = "SELECT (COUNT(*) AS ?n) %s { ?s ?p ?o }"
+    assert ask(store, asked % dataset) == ask(store, asked % "")
 
 
 @pytest.mark.parametrize(
@@ -156,7 +167,7 @@ def test_hostile_queries_are_refused_by_name_before_the_store_sees_them(store, m
         ("SELECT * { ?s <relative> ?o }", "error at 1:"),
         ("SELECT (<urn:function>(1) AS ?x) {}", "custom function <urn:function> is not supported"),
         ("\x00", "error at 1:"),
-        ("SELECT * { ?s ?p '''a''''SERVICE <http://x> {} #'\n}", "error at 1:"),  # a string and one more
+        ("SELECT * { ?s ?p 'open }", "error at 1:"),
     ],
 )
 def test_malformed_queries_are_one_line_with_a_reason(store, query, said):

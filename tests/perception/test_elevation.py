@@ -20,7 +20,7 @@ from semrl.perception.embedding import (
     position_words,
     wl_hashes,
 )
-from semrl.perception.embedding.word_hashes import word_hash
+from semrl.perception.embedding.words import word_hash
 from semrl.perception.encoders import ENCODERS, Encoder
 from semrl.perception.pretraining.stability import StabilityConfig
 from semrl.training import preset

@@ -9,7 +9,7 @@ from systems import copied, walk
 from semrl.core import Trajectory
 from semrl.core.arrays import digest
 from semrl.world_model import EpisodeRecord, Experience
-from semrl.world_model.experience import REWARD_WINDOW
+from semrl.world_model.experience import REWARD_LEAD
 
 
 def serial(lengths, reward=0.0):
@@ -141,11 +141,11 @@ def test_a_share_is_drawn_from_shortly_before_rewards():
     experience.add(lengthy([100, 200]))
     drawn = experience.draw(np.random.default_rng(0), 4000, 0.25).states[:, 0]
     before = [(reward - drawn[:1000]).astype(int) for reward in (100, 200)]
-    soon = [gap[(gap >= 0) & (gap < REWARD_WINDOW)] for gap in before]
+    soon = [gap[(gap >= 0) & (gap < REWARD_LEAD)] for gap in before]
     assert sum(map(len, soon)) == 1000  # all of the share, and as many for either reward, of every distance
     for gaps in soon:
         assert len(gaps) == pytest.approx(500, abs=80)
-        assert (np.bincount(gaps, minlength=REWARD_WINDOW) > 10).all()
+        assert (np.bincount(gaps, minlength=REWARD_LEAD) > 10).all()
     assert np.ptp(drawn[1000:]) > 290 and drawn[1000:].mean() == pytest.approx(150, abs=10)
 
 

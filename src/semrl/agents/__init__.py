@@ -9,7 +9,6 @@ if TYPE_CHECKING:
     from semrl.agents.config import DQNConfig, NetworkConfig
     from semrl.agents.dqn import DQN
     from semrl.agents.protocol import Agent
-    from semrl.agents.tabular import QLearning, QLearningConfig
 
 AGENTS: "Registry[Agent]" = Registry("agents", {"dqn": "semrl.agents.dqn:DQN"})
 
@@ -18,10 +17,8 @@ _HOME = {
     "Agent": "semrl.agents.protocol",
     "DQNConfig": "semrl.agents.config",
     "NetworkConfig": "semrl.agents.config",
-    "QLearning": "semrl.agents.tabular",
-    "QLearningConfig": "semrl.agents.tabular",
 }
 
-__all__ = ["AGENTS", "DQN", "Agent", "DQNConfig", "NetworkConfig", "QLearning", "QLearningConfig"]
+__all__ = ["AGENTS", "DQN", "Agent", "DQNConfig", "NetworkConfig"]
 
 __getattr__, __dir__ = lazily(__name__, _HOME)

@@ -15,6 +15,7 @@ from semrl.agents.replay import Batch, ReplayBuffer
 from semrl.core import AgentObservation, Floats, Ints, StateSpace
 from semrl.core.arrays import Arrays, array_to_rng, nest, rng_to_array, unnest
 from semrl.core.errors import SemrlError
+from semrl.core.networks import arrays_to_module, arrays_to_optimiser, module_to_arrays, optimiser_to_arrays
 
 
 class DQN:
@@ -175,9 +176,9 @@ class DQN:
         """Return weights, optimiser, replay, counters and the random generator."""
         return {
             **nest(
-                network=_module_arrays(self.network),
-                target=_module_arrays(self.target),
-                optimiser=self._optimiser_arrays(),
+                network=module_to_arrays(self.network),
+                target=module_to_arrays(self.target),
+                optimiser=optimiser_to_arrays(self.optimiser),
                 replay=self.replay.to_arrays(),
             ),
             "rng": rng_to_array(self._rng),
@@ -188,15 +189,15 @@ class DQN:
 
     def inference_arrays(self) -> Arrays:
         """Return the weights of the Q-network alone."""
-        return nest(network=_module_arrays(self.network))
+        return nest(network=module_to_arrays(self.network))
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Go on exactly where `to_arrays` was called; of the weights alone, play as it did there."""
-        _load_module(self.network, unnest(arrays, "network"))
+        arrays_to_module(self.network, unnest(arrays, "network"))
         if "counters" not in arrays:
             return
-        _load_module(self.target, unnest(arrays, "target"))
-        self._load_optimiser(unnest(arrays, "optimiser"))
+        arrays_to_module(self.target, unnest(arrays, "target"))
+        arrays_to_optimiser(self.optimiser, unnest(arrays, "optimiser"))
         self.replay.from_arrays(unnest(arrays, "replay"))
         self._rng = array_to_rng(arrays["rng"])
         self.decisions_, self.updates_ = (int(n) for n in arrays["counters"])
@@ -257,24 +258,3 @@ class DQN:
         with torch.no_grad():
             for old, new in zip(self.target.parameters(), self.network.parameters(), strict=True):
                 old.lerp_(new, self.config.tau)
-
-    def _optimiser_arrays(self) -> Arrays:
-        state = self.optimiser.state_dict()["state"]
-        return {
-            f"{i}/{name}": value.cpu().numpy() for i, histories in state.items() for name, value in histories.items()
-        }
-
-    def _load_optimiser(self, arrays: Arrays) -> None:
-        whole = self.optimiser.state_dict() | {"state": {}}
-        for key, value in arrays.items():
-            i, name = key.split("/")
-            whole["state"].setdefault(int(i), {})[name] = torch.from_numpy(value.copy())
-        self.optimiser.load_state_dict(whole)
-
-
-def _module_arrays(module: torch.nn.Module) -> Arrays:
-    return {name: value.cpu().numpy() for name, value in module.state_dict().items()}
-
-
-def _load_module(module: torch.nn.Module, arrays: Arrays) -> None:
-    module.load_state_dict({name: torch.from_numpy(value.copy()) for name, value in arrays.items()})

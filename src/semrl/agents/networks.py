@@ -4,8 +4,9 @@ import torch
 from torch import Tensor, nn
 
 from semrl.agents.config import NetworkConfig
+from semrl.core.networks import dense
 
-LEAST_DEVIATION = 0.5
+LEAST_INPUT_DEVIATION = 0.5
 """Smallest deviation that is divided by, as a share of the root mean square over all numbers of its kind."""
 
 
@@ -33,7 +34,7 @@ class StateInput(nn.Module):
         self.mean.copy_(x.mean(dim=0))
         deviation = x.std(dim=0, correction=0)  # (2, d)
         # What hardly varied in the sample may vary later: dividing by almost nothing would blow it up.
-        least = LEAST_DEVIATION * deviation.square().mean(dim=1, keepdim=True).sqrt()
+        least = LEAST_INPUT_DEVIATION * deviation.square().mean(dim=1, keepdim=True).sqrt()
         deviation = torch.maximum(deviation, least)
         self.scale.copy_(torch.where(deviation > 0, 1 / deviation, torch.ones_like(deviation)))
 
@@ -91,22 +92,12 @@ class QNetwork(nn.Module):
             torch.manual_seed(seed)
             self.state_input = StateInput(shape, is_image=is_image)
             self.body, width = _convolutions() if is_image else _flat(shape[0], config.frequencies)
-            self.dense = _dense(width + plan_size, n_values, config)
+            self.dense = dense(width + plan_size, config.hidden_units, n_values, layer_norm=config.layer_norm)
 
     def forward(self, states: Tensor, plans: Tensor) -> Tensor:
         """Map states, ``(b, 2, *shape)`` of bytes or floats, and plans, ``(b, p)``, to ``(b, n_values)``."""
         values: Tensor = self.dense(torch.cat([self.body(self.state_input(states)), plans], dim=1))
         return values
-
-
-def _dense(width: int, n_values: int, config: NetworkConfig) -> nn.Sequential:
-    layers: list[nn.Module] = []
-    for units in config.hidden_units:
-        layers += [nn.Linear(width, units)]
-        layers += [nn.LayerNorm(units)] if config.layer_norm else []
-        layers += [nn.ReLU()]
-        width = units
-    return nn.Sequential(*layers, nn.Linear(width, n_values))
 
 
 def _flat(size: int, frequencies: int) -> tuple[nn.Module, int]:

@@ -20,31 +20,22 @@ class Batch:
 
     A state is the current and the previous observation, ``(b, 2, *shape)``: the agent sees the first
     and their difference (Fig. 3.8).
-
-    Attributes
-    ----------
-    states, next_states
-        ``(b, 2, *shape)`` of the observations' dtype.
-    plans, next_plans
-        ``(b, p)`` float32, features of the plans in these states.
-    actions
-        ``(b,)`` int64.
-    returns
-        ``(b,)`` float32, discounted rewards of up to n steps.
-    discounts
-        ``(b,)`` float32, what the value of the next state counts: γ to the number of steps, 0 after the end.
-    advised
-        ``(b,)`` int64, the actions that a planner proposed; −1 where there was no advice.
     """
 
     states: NDArray[Any]
+    """Of the observations' dtype, as `next_states`."""
     plans: Floats
+    """``(b, p)`` float32, features of the plans in these states."""
     actions: Ints
+    """``(b,)`` int64."""
     returns: NDArray[np.float32]
+    """``(b,)`` float32, discounted rewards of up to n steps."""
     next_states: NDArray[Any]
     next_plans: Floats
     discounts: NDArray[np.float32]
+    """``(b,)`` float32, what the value of the next state counts: γ to the number of steps, 0 after the end."""
     advised: Ints
+    """``(b,)`` int64, the actions that a planner proposed; −1 where there was no advice."""
 
 
 class ReplayBuffer:

@@ -34,25 +34,17 @@ class Outcome:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Objects:
-    """The objects of one frame (§3.2.1), component by component, the pieces of one from left to right.
-
-    Attributes
-    ----------
-    crops
-        ``(n, 8, 8)`` float32 in 0 … 1: each object centred in a window of its own, background 0.
-    centres_px
-        ``(n, 2)`` float32, row and column of the centre of the bounding box (where they are found at full
-        resolution: the mean of the pixels).
-    boxes_px
-        ``(n, 4)`` int64: top, left, height, width.
-    labels
-        ``(84, 84)`` int32: 0 for the background, ``i + 1`` for the pixels of object ``i``.
-    """
+    """The objects of one frame (§3.2.1), component by component, the pieces of one from left to right."""
 
     crops: Floats
+    """``(n, 8, 8)`` float32 in 0 … 1: each object centred in a window of its own, background 0."""
     centres_px: Floats
+    """``(n, 2)`` float32, row and column of the centre of the bounding box (where they are found at full resolution:
+    the mean of the pixels)."""
     boxes_px: Ints
+    """``(n, 4)`` int64: top, left, height, width."""
     labels: NDArray[np.int32]
+    """``(84, 84)`` int32: 0 for the background, ``i + 1`` for the pixels of object ``i``."""
 
     def __len__(self) -> int:
         return len(self.crops)
@@ -65,45 +57,30 @@ class Objects:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Tracks:
-    """Objects through time, as of one decision: those that are seen and those that were seen shortly before.
-
-    Attributes
-    ----------
-    ids
-        ``(n,)`` int64, ascending: the identity of each, never given twice in an episode.
-    classes
-        ``(n,)`` int64, class number when last seen.
-    features
-        ``(n, k)`` float32, reduced appearance when last seen.
-    centres_px
-        ``(n, 2)`` float32, row and column; of what is not seen, where it would be if it went on.
-    boxes_px
-        ``(n, 4)`` int64: top, left, height, width when last seen.
-    velocities_px
-        ``(n, 2)`` float32, rows and columns a decision.
-    ages
-        ``(n,)`` int64, decisions since it was first seen.
-    unseen
-        ``(n,)`` int64, decisions since it was last seen; 0 for what is seen.
-    moves
-        ``(n,)`` int64, decisions at which it was seen in another place than before.
-    roles
-        ``(n,)`` int64, the role that each has (`semrl.perception.tracking.SlotAssigner`); −1 for none.
-    born
-        ``()`` int64, how many there were so far in the episode: the next identity.
-    """
+    """Objects through time, as of one decision: those that are seen and those that were seen shortly before."""
 
     ids: Ints
+    """``(n,)`` int64, ascending: the identity of each, never given twice in an episode."""
     classes: Ints
+    """``(n,)`` int64, class number when last seen."""
     features: Floats
+    """``(n, k)`` float32, reduced appearance when last seen."""
     centres_px: Floats
+    """``(n, 2)`` float32, row and column; of what is not seen, where it would be if it went on."""
     boxes_px: Ints
+    """``(n, 4)`` int64: top, left, height, width when last seen."""
     velocities_px: Floats
+    """``(n, 2)`` float32, rows and columns a decision."""
     ages: Ints
+    """``(n,)`` int64, decisions since it was first seen."""
     unseen: Ints
+    """``(n,)`` int64, decisions since it was last seen; 0 for what is seen."""
     moves: Ints
+    """``(n,)`` int64, decisions at which it was seen in another place than before."""
     roles: Ints
+    """``(n,)`` int64, the role that each has (`semrl.perception.tracking.SlotAssigner`); −1 for none."""
     born: Ints
+    """``()`` int64, how many there were so far in the episode: the next identity."""
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -117,24 +94,16 @@ class Tracks:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SceneGraph:
-    """One frame as a graph (§3.2.3): objects are nodes, close objects are joined.
-
-    Attributes
-    ----------
-    classes
-        ``(n,)`` int64, the class number of each object.
-    centres_px
-        ``(n, 2)`` float32, row and column.
-    edges
-        ``(m, 2)`` int64, each pair of joined nodes once, smaller index first.
-    lengths_px
-        ``(m,)`` float32, the Euclidean distance of the two centres.
-    """
+    """One frame as a graph (§3.2.3): objects are nodes, close objects are joined."""
 
     classes: Ints
+    """``(n,)`` int64, the class number of each object."""
     centres_px: Floats
+    """``(n, 2)`` float32, row and column."""
     edges: Ints
+    """``(m, 2)`` int64, each pair of joined nodes once, smaller index first."""
     lengths_px: Floats
+    """``(m,)`` float32, the Euclidean distance of the two centres."""
 
     def __len__(self) -> int:
         return len(self.classes)
@@ -142,24 +111,15 @@ class SceneGraph:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Sight:
-    """What perception makes of one frame, to be drawn; everything it has not learned stays empty.
-
-    Attributes
-    ----------
-    boxes_px
-        ``(n, 4)`` int64, top, left, height and width in the 84×84 image.
-    classes
-        ``(n,)`` int64, or ``(0,)`` where objects have no classes.
-    edges
-        ``(m, 2)`` int64, pairs of objects that the scene graph joins.
-    labels
-        ``(84, 84)`` int64: 0 for the background, class + 1 for objects.
-    names
-        What is written beside each box; empty where there is nothing to write.
-    """
+    """What perception makes of one frame, to be drawn; everything it has not learned stays empty."""
 
     boxes_px: Ints = field(default_factory=lambda: np.empty((0, 4), np.int64))
+    """``(n, 4)`` int64, top, left, height and width in the 84×84 image."""
     classes: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    """``(n,)`` int64, or ``(0,)`` where objects have no classes."""
     edges: Ints = field(default_factory=lambda: np.empty((0, 2), np.int64))
+    """``(m, 2)`` int64, pairs of objects that the scene graph joins."""
     labels: Ints = field(default_factory=lambda: np.zeros((IMAGE_SIZE_PX, IMAGE_SIZE_PX), np.int64))
+    """``(84, 84)`` int64: 0 for the background, class + 1 for objects."""
     names: tuple[str, ...] = ()
+    """What is written beside each box; empty where there is nothing to write."""

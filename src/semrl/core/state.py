@@ -11,57 +11,36 @@ from semrl.core.named import Floats, Ints
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class State:
-    """One observation, elevated.
-
-    Attributes
-    ----------
-    vector
-        What a network is shown: an image, ``(84, 84)`` uint8, or a vector, ``(d,)`` float32.
-    facts
-        ``(k,)`` float32, the numbers that map, world model and planner work with; empty for images.
-    """
+    """One observation, elevated."""
 
     vector: NDArray[Any]
+    """What a network is shown: an image, ``(84, 84)`` uint8, or a vector, ``(d,)`` float32."""
     facts: Floats = field(default_factory=lambda: np.zeros(0, np.float32))
+    """``(k,)`` float32, the numbers that map, world model and planner work with; empty for images."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StateSpace:
-    """What all states of an encoder have in common.
-
-    Attributes
-    ----------
-    shape, dtype
-        Of `State.vector`.
-    n_facts
-        Length of `State.facts`.
-    names
-        Of the facts, where they have names; of slots only those in use, so there may be fewer than facts.
-    axes
-        ``(n_facts,)`` int64: along which axis each fact lies, −1 for what is no place; None where that is not known.
-    unit
-        In which unit facts are told to people: what 1 means in it, as a share of their range; None: as they are.
-    """
+    """What all states of an encoder have in common."""
 
     shape: tuple[int, ...]
     dtype: DTypeLike = np.float32
+    """Of `State.vector`."""
     n_facts: int = 0
+    """Length of `State.facts`."""
     names: tuple[str, ...] = ()
+    """Of the facts, where they have names; of slots only those in use, so there may be fewer than facts."""
     axes: Ints | None = None
+    """``(n_facts,)`` int64: along which axis each fact lies, −1 for what is no place; None where that is not known."""
     unit: float | None = None
+    """In which unit facts are told to people: what 1 means in it, as a share of their range; None: as they are."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AgentObservation:
-    """What an agent decides by.
-
-    Attributes
-    ----------
-    vectors
-        ``(2, *shape)``, the vector of the state and that of the state before; at the first decision twice the same.
-    plan
-        ``(p,)`` float32, the features of the plan (§3.4.4); zeros where there is no plan, none without a planner.
-    """
+    """What an agent decides by."""
 
     vectors: NDArray[Any]
+    """``(2, *shape)``, the vector of the state and that of the state before; at the first decision twice the same."""
     plan: Floats = field(default_factory=lambda: np.zeros(0, np.float32))
+    """``(p,)`` float32, the features of the plan (§3.4.4); zeros where there is no plan, none without a planner."""

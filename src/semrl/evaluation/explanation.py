@@ -10,145 +10,95 @@ from semrl.core import Frame, Sight
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MapLocation:
-    """A node of the map, the state's own (§3.4.1).
-
-    Attributes
-    ----------
-    node
-        Its id.
-    states
-        How many states of play it stands for.
-    distance
-        Cost of the way to the nearest gain; None where none is known within the cut-off.
-    is_goal
-        Whether a gain starts right here.
-    """
+    """A node of the map, the state's own (§3.4.1)."""
 
     node: int
+    """Its id."""
     states: int
+    """How many states of play it stands for."""
     distance: float | None
+    """Cost of the way to the nearest gain; None where none is known within the cut-off."""
     is_goal: bool
+    """Whether a gain starts right here."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PathEdge:
-    """An edge of the path (§3.4.2).
-
-    Attributes
-    ----------
-    source, target, edge
-        Ids.
-    action, share
-        The most frequent action of its transitions, and how large a share of them it has.
-    count
-        How many transitions of play it stands for.
-    reward
-        Their mean reward.
-    cost
-        What it adds to the path.
-    """
+    """An edge of the path (§3.4.2)."""
 
     source: int
     target: int
     edge: int
+    """Ids."""
     action: str
     share: float
+    """The most frequent action of its transitions, and how large a share of them it has."""
     count: int
+    """How many transitions of play it stands for."""
     reward: float
+    """Their mean reward."""
     cost: float
+    """What it adds to the path."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ImaginedScenario:
-    """A scenario (§3.4.3).
-
-    Attributes
-    ----------
-    rank
-        MapLocation in the planner's order, from 1.
-    actions
-        The name of each.
-    rewards
-        Predicted sign of the reward of each.
-    predicted_return
-        Their sum, discounted as the planner does, with what is expected beyond, less what the uncertainty counts.
-    uncertainty
-        Standard deviation of the return among the models that were asked; None where there is only one.
-    end_node
-        Id of the node in which it ends.
-    progress
-        MapLocation of that node on the path, from 0; None off the path.
-    """
+    """A scenario (§3.4.3)."""
 
     rank: int
+    """MapLocation in the planner's order, from 1."""
     actions: tuple[str, ...]
+    """The name of each."""
     rewards: tuple[float, ...]
+    """Predicted sign of the reward of each."""
     predicted_return: float
+    """Their sum, discounted as the planner does, with what is expected beyond, less what the uncertainty counts."""
     uncertainty: float | None
+    """Standard deviation of the return among the models that were asked; None where there is only one."""
     end_node: int
+    """Id of the node in which it ends."""
     progress: int | None
+    """MapLocation of that node on the path, from 0; None off the path."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PlanFeature:
-    """A part of the goal, as the agent was told it (§3.4.4).
-
-    Attributes
-    ----------
-    part
-        Which one.
-    numbers
-        What the agent was given.
-    names
-        What they stand for: the actions of the scenario, or the features of its last state where they have names.
-    """
+    """A part of the goal, as the agent was told it (§3.4.4)."""
 
     part: str
+    """Which one."""
     numbers: tuple[float, ...]
+    """What the agent was given."""
     names: tuple[str, ...]
+    """What they stand for: the actions of the scenario, or the features of its last state where they have names."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ActionChoice:
-    """What was done.
-
-    Attributes
-    ----------
-    action
-        The one taken.
-    agent, planner
-        What either of them would do.
-    by_chance
-        Whether evaluation's exploration put another action in the place of the decider's.
-    values
-        The agent's value of each action, by name.
-    """
+    """What was done."""
 
     action: str
+    """The one taken."""
     agent: str
     planner: str
+    """What either of them would do."""
     by_chance: bool
+    """Whether evaluation's exploration put another action in the place of the decider's."""
     values: Mapping[str, float]
+    """The agent's value of each action, by name."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Rollout:
-    """What really came, for as many decisions as a scenario has.
-
-    Attributes
-    ----------
-    actions, rewards
-        Of each decision, this one first.
-    ended
-        Whether the episode ended with the last of them.
-    predicted
-        Sign of each reward as the models predict it at this decision, for just these actions.
-    """
+    """What really came, for as many decisions as a scenario has."""
 
     actions: tuple[str, ...]
     rewards: tuple[float, ...]
+    """Of each decision, this one first."""
     ended: bool
+    """Whether the episode ended with the last of them."""
     predicted: tuple[float, ...]
+    """Sign of each reward as the models predict it at this decision, for just these actions."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -32,30 +32,20 @@ Spans = dict[int, list[tuple[Floats, Floats]]]
 
 @dataclass(frozen=True, kw_only=True)
 class Quality:
-    """What a model of the world is worth.
-
-    Attributes
-    ----------
-    decisions
-        That were predicted.
-    explained
-        Horizon in decisions → share of the variance of the states that is explained (R², weighted by variance).
-    explained_vectors
-        The same for the vector of the scene, where objects are predicted and the scene follows from them; else empty.
-    confusion
-        ``(3, 3)`` counts, what came in rows, what was predicted in columns: a loss, nothing, a gain.
-    balanced_accuracy
-        Mean share of each kind that was predicted, over those that came.
-    conditions
-        Decisions that the model learned from, and how the episodes were played.
-    """
+    """What a model of the world is worth."""
 
     decisions: int
+    """That were predicted."""
     explained: dict[int, float]
+    """Horizon in decisions → share of the variance of the states that is explained (R², weighted by variance)."""
     explained_vectors: dict[int, float]
+    """The same for the vector of the scene, where objects are predicted and the scene follows from them; else empty."""
     confusion: list[list[int]]
+    """``(3, 3)`` counts, what came in rows, what was predicted in columns: a loss, nothing, a gain."""
     balanced_accuracy: float
+    """Mean share of each kind that was predicted, over those that came."""
     conditions: dict[str, Any]
+    """Decisions that the model learned from, and how the episodes were played."""
 
 
 def world_model_accuracy(

@@ -17,30 +17,22 @@ class MapDescription:
     to the node that is farthest from it. Steps follow the direction of the edges: the thesis's graph is directed
     (§3.4.1), and its diameter of 20 with a radius of 9 is possible in directed graphs only. Where one node cannot be
     reached from another there are no such numbers, so they are those of the largest strongly connected component.
-
-    Attributes
-    ----------
-    nodes, edges
-        Centroids of the two trees.
-    states, transitions
-        What the nodes and the edges stand for.
-    positive_share, negative_share
-        Share of the edges whose reward is of that sign, 0 … 1; 0 without edges.
-    component_nodes
-        Nodes of the largest strongly connected component; among equals, of the one with the earliest node.
-    diameter, radius
-        Of that component, in steps; None for a map without nodes.
     """
 
     nodes: int
     edges: int
+    """Centroids of the two trees."""
     states: int
     transitions: int
+    """What the nodes and the edges stand for."""
     positive_share: float
     negative_share: float
+    """Share of the edges whose reward is of that sign, 0 … 1; 0 without edges."""
     component_nodes: int
+    """Nodes of the largest strongly connected component; among equals, of the one with the earliest node."""
     diameter: int | None
     radius: int | None
+    """Of that component, in steps; None for a map without nodes."""
 
 
 def describe(graph: MapGraph) -> MapDescription:

@@ -50,24 +50,16 @@ class Limits:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Answer:
-    """What a query found.
-
-    Attributes
-    ----------
-    variables
-        Names of the columns of a SELECT.
-    rows
-        Its rows. IRIs are written with the prefixes of `PREFIXES`, as in ``semrl:State``.
-    truncated
-        Whether there were more rows than the limits allow.
-    truth
-        Answer of an ASK; None for a SELECT.
-    """
+    """What a query found."""
 
     variables: tuple[str, ...] = ()
+    """Names of the columns of a SELECT."""
     rows: tuple[tuple[Value, ...], ...] = ()
+    """Its rows. IRIs are written with the prefixes of `PREFIXES`, as in ``semrl:State``."""
     truncated: bool = False
+    """Whether there were more rows than the limits allow."""
     truth: bool | None = None
+    """Answer of an ASK; None for a SELECT."""
 
 
 def ask(store: ox.Store, query: str, limits: Limits | None = None) -> Answer:

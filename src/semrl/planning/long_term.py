@@ -36,21 +36,14 @@ class LongTermConfig:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Routes:
-    """The cheapest routes from all nodes of a map to their nearest goals (§3.4.2).
-
-    Attributes
-    ----------
-    distances
-        ``(n,)`` float64, cost of the route: 0 at goals, inf where none can be reached within the cut-off.
-    next_nodes
-        ``(n,)`` int64, position of the next node on the route; −1 at goals and where no goal can be reached.
-    goals
-        ``(n,)`` bool: nodes with an outgoing edge whose reward is positive.
-    """
+    """The cheapest routes from all nodes of a map to their nearest goals (§3.4.2)."""
 
     distances: NDArray[np.float64]
+    """``(n,)`` float64, cost of the route: 0 at goals, inf where none can be reached within the cut-off."""
     next_nodes: Ints
+    """``(n,)`` int64, position of the next node on the route; −1 at goals and where no goal can be reached."""
     goals: NDArray[np.bool_]
+    """``(n,)`` bool: nodes with an outgoing edge whose reward is positive."""
 
     def __len__(self) -> int:
         return len(self.distances)

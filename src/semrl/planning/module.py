@@ -72,21 +72,14 @@ class PlanningConfig:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PlanRecord:
-    """A plan and what it was made from.
-
-    Attributes
-    ----------
-    history
-        The state in which it was made, and what led there.
-    plan
-        None before anything was learned.
-    features
-        ``(plan_size,)`` float32, what the agent is shown of it; zeros where there is no plan.
-    """
+    """A plan and what it was made from."""
 
     history: History
+    """The state in which it was made, and what led there."""
     plan: Plan | None
+    """None before anything was learned."""
     features: Floats
+    """``(plan_size,)`` float32, what the agent is shown of it; zeros where there is no plan."""
 
 
 class PlanningModule:

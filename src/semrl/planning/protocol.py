@@ -13,22 +13,15 @@ from semrl.world_model.protocol import WorldModel
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Knowledge:
-    """What a planner may plan with.
-
-    Attributes
-    ----------
-    world_model
-        Predicts what actions lead to (§3.4.3).
-    state_map, routes
-        The map of states and the ways to gains on it (§3.4.1, §3.4.2).
-    velocity_weight
-        What a state's change counts on the map, against 1 for the state; 0: it is left out.
-    """
+    """What a planner may plan with."""
 
     world_model: WorldModel
+    """Predicts what actions lead to (§3.4.3)."""
     state_map: StateMap
     routes: Routes
+    """The map of states and the ways to gains on it (§3.4.1, §3.4.2)."""
     velocity_weight: float = 0.0
+    """What a state's change counts on the map, against 1 for the state; 0: it is left out."""
 
     def coordinates(self, states: Floats, previous: Floats) -> Floats:
         """Return where ``(b, d)`` states lie on the map, given the states before them."""

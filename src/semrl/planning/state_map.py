@@ -146,13 +146,7 @@ class StateMap:
         return nest(nodes=self._nodes.to_arrays(), edges=self._edges.to_arrays())
 
     def from_arrays(self, arrays: Arrays) -> None:
-        """Take over what `to_arrays` of an equally configured map returned.
-
-        Raises
-        ------
-        DataError
-            Arrays are missing, or do not fit the configuration, the dimension, the actions or each other.
-        """
+        """Take over what `to_arrays` of an equally configured map returned."""
         nodes, edges = CFTree(self._nodes.config), CFTree(self._edges.config)
         nodes.from_arrays(unnest(arrays, "nodes"))
         edges.from_arrays(unnest(arrays, "edges"))

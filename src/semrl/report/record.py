@@ -33,40 +33,27 @@ class Series:
 
 @dataclass(frozen=True, kw_only=True)
 class RunRecord:
-    """One run as its files tell it.
-
-    Attributes
-    ----------
-    name
-        Of the folder.
-    path
-        Of the folder, as it was called; for the commands that the page proposes.
-    config, manifest
-        Nested values of ``config.toml`` and ``manifest.json``.
-    rows
-        Of ``metrics.csv``: column → text.
-    evaluation
-        Content of ``evaluation.json``; None when the run was not evaluated.
-    predictions
-        Content of ``predictions.json``; None when it was not tested what the run predicts, or it cannot.
-    gallery
-        Arrays of ``gallery.npz``; empty when there is none.
-    video
-        Bytes of ``video.mp4``; None when there is none or it is too large.
-    has_video
-        Whether there is a ``video.mp4`` at all.
-    """
+    """One run as its files tell it."""
 
     name: str
+    """Of the folder."""
     path: str
+    """Of the folder, as it was called; for the commands that the page proposes."""
     config: Mapping[str, Any]
     manifest: Mapping[str, Any]
+    """Nested values of ``config.toml`` and ``manifest.json``."""
     rows: Sequence[Mapping[str, str]]
+    """Of ``metrics.csv``: column → text."""
     evaluation: Mapping[str, Any] | None
+    """Content of ``evaluation.json``; None when the run was not evaluated."""
     predictions: Mapping[str, Any] | None
+    """Content of ``predictions.json``; None when it was not tested what the run predicts, or it cannot."""
     gallery: Arrays
+    """Arrays of ``gallery.npz``; empty when there is none."""
     video: bytes | None
+    """Bytes of ``video.mp4``; None when there is none or it is too large."""
     has_video: bool
+    """Whether there is a ``video.mp4`` at all."""
 
     @property
     def frame_skip(self) -> int:

@@ -15,38 +15,26 @@ from semrl.planning.module import PlanningModule, PlanRecord
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Step:
-    """Where an episode stands after a decision, or at its beginning.
-
-    Attributes
-    ----------
-    observation
-        What the environment shows.
-    number
-        Decisions so far.
-    action
-        The one that led here; None at the beginning.
-    reward, total
-        What it brought, and the return so far.
-    terminated, truncated
-        Whether the episode is over, and how.
-    shown
-        What an agent is shown here; None while perception learns.
-    state
-        The state behind it, likewise.
-    record
-        The plan that was made here; None where there is no planner.
-    """
+    """Where an episode stands after a decision, or at its beginning."""
 
     observation: Observation
+    """What the environment shows."""
     number: int = 0
+    """Decisions so far."""
     action: int | None = None
+    """The one that led here; None at the beginning."""
     reward: float = 0.0
     total: float = 0.0
+    """What it brought, and the return so far."""
     terminated: bool = False
     truncated: bool = False
+    """Whether the episode is over, and how."""
     state: State | None = None
+    """The state behind it, likewise."""
     shown: AgentObservation | None = None
+    """What an agent is shown here; None while perception learns."""
     record: PlanRecord | None = None
+    """The plan that was made here; None where there is no planner."""
 
     @property
     def done(self) -> bool:

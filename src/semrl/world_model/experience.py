@@ -7,7 +7,7 @@ from semrl.core import NO_ACTION, Floats, History, Ints, Trajectory, Transitions
 from semrl.core.arrays import Arrays
 from semrl.core.kernels import compiled
 
-REWARD_WINDOW = 16
+REWARD_LEAD = 16
 """Decisions before a reward that count as having led to it."""
 
 _END = -1  # stands for the action after the last state of an episode
@@ -124,7 +124,7 @@ class Experience:
         rewarded = np.flatnonzero(self._rewards)
         if len(rewarded):
             part = round(count * reward_share)
-            soon = rng.choice(rewarded, part) - rng.integers(REWARD_WINDOW, size=part)
+            soon = rng.choice(rewarded, part) - rng.integers(REWARD_LEAD, size=part)
             fit = (soon >= 0) & (self._actions[np.maximum(soon, 0)] != _END)
             drawn[:part][fit] = soon[fit]
         return self._at(drawn)

@@ -11,6 +11,8 @@ from torch import Tensor, nn
 from semrl.core import Floats, Ints, Transitions
 from semrl.core.arrays import Arrays, array_to_rng, nest, rng_to_array, unnest
 from semrl.core.errors import SemrlError
+from semrl.core.networks import arrays_to_module, arrays_to_optimiser, dense, module_to_arrays, optimiser_to_arrays
+from semrl.core.protocols import Saved
 
 LEAST_DEVIATION = 0.1
 """Smallest deviation that inputs are divided by, as a share of the root mean square over all of them."""
@@ -64,7 +66,7 @@ class DenseNetwork:
         self.batch_size = batch_size
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            self.layers = _dense(n_inputs, hidden_units, n_outputs, layer_norm=layer_norm)
+            self.layers = dense(n_inputs, hidden_units, n_outputs, layer_norm=layer_norm)
         self.optimiser = torch.optim.Adam(self.layers.parameters(), lr=learning_rate, betas=betas, fused=True)
         self._rng = np.random.default_rng(seed)
         # Views of the same memory: for a handful of rows numpy answers several times faster than torch.
@@ -107,28 +109,17 @@ class DenseNetwork:
 
     def to_arrays(self) -> Arrays:
         """Return weights, the optimiser's histories and the random generator."""
-        histories = self.optimiser.state_dict()["state"]
-        return {
-            **nest(
-                layers={name: value.numpy().copy() for name, value in self.layers.state_dict().items()},
-                adam={f"{i}/{name}": v.numpy().copy() for i, values in histories.items() for name, v in values.items()},
-            ),
-            "rng": rng_to_array(self._rng),
-        }
+        own = nest(layers=module_to_arrays(self.layers), adam=optimiser_to_arrays(self.optimiser))
+        return {name: value.copy() for name, value in own.items()} | {"rng": rng_to_array(self._rng)}
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Go on exactly where `to_arrays` was called."""
-        layers = unnest(arrays, "layers")
-        self.layers.load_state_dict({name: torch.from_numpy(value.copy()) for name, value in layers.items()})
-        whole = self.optimiser.state_dict() | {"state": {}}
-        for key, value in unnest(arrays, "adam").items():
-            i, name = key.split("/")
-            whole["state"].setdefault(int(i), {})[name] = torch.from_numpy(value.copy())
-        self.optimiser.load_state_dict(whole)
+        arrays_to_module(self.layers, unnest(arrays, "layers"))
+        arrays_to_optimiser(self.optimiser, unnest(arrays, "adam"))
         self._rng = array_to_rng(arrays["rng"])
 
 
-class NetworkModel:
+class NetworkModel(Saved):
     """What both models have in common when they are networks: scaled features go in, and the scales stay.
 
     Parameters
@@ -140,6 +131,9 @@ class NetworkModel:
     n_actions
         Number of actions.
     """
+
+    SAVED: tuple[str, ...] = ("_centre", "_scale", "is_fitted")
+    PARTS = ("network",)
 
     def __init__(self, network: DenseNetwork, dimension: int, n_actions: int) -> None:
         self.network = network
@@ -157,25 +151,3 @@ class NetworkModel:
     def _rows(self, states: Floats, previous: Floats, actions: Ints) -> Floats:
         """Return scaled features."""
         return (features(states, previous, actions, self.n_actions) - self._centre) / self._scale
-
-    def to_arrays(self) -> Arrays:
-        """Return the network and its scales."""
-        own = {"centre": self._centre, "scale": self._scale, "is_fitted": np.array(self.is_fitted)}
-        return nest(network=self.network.to_arrays()) | own
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Go on exactly where `to_arrays` was called."""
-        self.network.from_arrays(unnest(arrays, "network"))
-        self._centre, self._scale = arrays["centre"], arrays["scale"]
-        self.is_fitted = bool(arrays["is_fitted"])
-
-
-def _dense(n_inputs: int, hidden_units: tuple[int, ...], n_outputs: int, *, layer_norm: bool) -> nn.Sequential:
-    layers: list[nn.Module] = []
-    width = n_inputs
-    for units in hidden_units:
-        layers += [nn.Linear(width, units)]
-        layers += [nn.LayerNorm(units)] if layer_norm else []
-        layers += [nn.ReLU()]
-        width = units
-    return nn.Sequential(*layers, nn.Linear(width, n_outputs))

@@ -6,7 +6,6 @@ import numpy as np
 from torch.nn import functional
 
 from semrl.core import Floats, Ints, Transitions
-from semrl.core.arrays import Arrays
 from semrl.world_model.config import NextStateConfig
 from semrl.world_model.network import DenseNetwork, NetworkModel, spread
 
@@ -25,6 +24,8 @@ class NextStateNetwork(NetworkModel):
     seed
         Of weights and the order of transitions.
     """
+
+    SAVED = (*NetworkModel.SAVED, "_change_scale")
 
     def __init__(self, config: NextStateConfig, dimension: int, n_actions: int, *, seed: int = 0) -> None:
         network = DenseNetwork(
@@ -59,12 +60,3 @@ class NextStateNetwork(NetworkModel):
         """Return the next states, ``(b, d)`` float32."""
         predicted = self.network(self._rows(states, previous, actions))
         return states + predicted * self._change_scale if self.config.predict_change else predicted
-
-    def to_arrays(self) -> Arrays:
-        """Return the network and its scales."""
-        return super().to_arrays() | {"change_scale": self._change_scale}
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Go on exactly where `to_arrays` was called."""
-        super().from_arrays(arrays)
-        self._change_scale = arrays["change_scale"]

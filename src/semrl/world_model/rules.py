@@ -16,27 +16,18 @@ from semrl.world_model.trees import Tree
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Rule:
-    """If all conditions hold, a number changes by so much.
-
-    Attributes
-    ----------
-    about
-        The number that is predicted.
-    conditions
-        In words; none when it always holds.
-    value
-        The change, or the reward.
-    decisions
-        For which it held.
-    error
-        Root mean squared error in them.
-    """
+    """If all conditions hold, a number changes by so much."""
 
     about: str
+    """The number that is predicted."""
     conditions: tuple[str, ...]
+    """In words; none when it always holds."""
     value: float
+    """The change, or the reward."""
     decisions: int
+    """For which it held."""
     error: float
+    """Root mean squared error in them."""
 
 
 def feature_names(names: Sequence[str], past_states: int, past_actions: int, relations: Relations) -> list[str]:

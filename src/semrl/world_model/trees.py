@@ -20,24 +20,17 @@ from semrl.world_model.tree_kernels import NODE, Relations, ask, roll
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Tree:
-    """One regression tree, node by node, the root first.
-
-    Attributes
-    ----------
-    columns, left
-        ``(m,)`` int64: which number decides, and the left child, whose sibling comes after it; both −1 in leaves.
-    cuts, means
-        ``(m,)`` float32: at and below which it goes left, and what a leaf predicts.
-    rows, errors
-        ``(m,)`` float32: how many rows it was grown from, and their mean squared error.
-    """
+    """One regression tree, node by node, the root first."""
 
     columns: Ints
     left: Ints
+    """``(m,)`` int64: which number decides, and the left child, whose sibling comes after it; both −1 in leaves."""
     cuts: Floats
     means: Floats
+    """``(m,)`` float32: at and below which it goes left, and what a leaf predicts."""
     rows: Floats
     errors: Floats
+    """``(m,)`` float32: how many rows it was grown from, and their mean squared error."""
 
 
 class Forests:

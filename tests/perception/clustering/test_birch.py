@@ -25,7 +25,7 @@ def test_each_leaf_is_a_class_while_there_are_few():
     birch = Birch().partial_fit(X)
     labels = birch.predict(X)
     assert isinstance(birch, Persistent)
-    assert labels.dtype == np.int64 and birch.n_leaves_ == 8
+    assert labels.dtype == np.int64 and birch.n_clusters_ == 8
     assert same_partition(labels, which)
     assert birch.classes_.tolist() == list(range(8))
     for number, centre in zip(birch.classes_, birch.centres_, strict=True):
@@ -46,7 +46,7 @@ def test_classes_are_ward_clusters_of_the_leaves_and_centres_weigh_rows():
     birch = Birch(BirchConfig(max_classes=6)).partial_fit(X)
     arrays = birch.to_arrays()
     means, counts = arrays["tree/leaves_means"], arrays["tree/leaves_counts"]
-    assert len(means) == birch.n_leaves_ > 6
+    assert len(means) == birch.n_clusters_ > 6
     theirs = AgglomerativeClustering(n_clusters=6, linkage="ward").fit_predict(means)
     assert same_partition(birch.leaf_classes_, theirs)
     assert birch.classes_.tolist() == list(range(6))
@@ -81,7 +81,7 @@ def test_far_classes_keep_their_numbers_while_ward_regroups_the_rest():
         birch.partial_fit(np.concatenate([anchors, rng.normal(size=(20, 8)) - 40]))
         np.testing.assert_array_equal(birch.predict(anchors), before)
         assert birch.classes_.min() >= 0 and birch.classes_.max() < 6
-    assert birch.n_leaves_ > 100 and len(birch.classes_) == 6
+    assert birch.n_clusters_ > 100 and len(birch.classes_) == 6
 
 
 def test_other_classes_keep_their_numbers_when_two_are_joined():
@@ -106,7 +106,7 @@ def test_the_cap_on_leaves_is_kept():
     rng = np.random.default_rng(0)
     for _ in range(30):
         birch.partial_fit(rng.normal(size=(20, 5)))
-        assert birch.n_leaves_ <= 30
+        assert birch.n_clusters_ <= 30
         labels = birch.predict(rng.normal(size=(50, 5)))
         assert labels.min() >= 0 and labels.max() < 10
     assert birch.threshold_ > 0.01

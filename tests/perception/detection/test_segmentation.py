@@ -187,10 +187,10 @@ def test_the_largest_object_is_a_tenth_of_the_image():
     assert KMeansDetector(KMeansDetectorConfig(max_object_share=0.25)).crop_size_px == 21
 
 
-@pytest.mark.parametrize("image", [np.zeros((84, 83), np.uint8), np.zeros((84, 84)), np.zeros((84, 84, 3), np.uint8)])
+@pytest.mark.parametrize("image", [np.zeros((84, 83), np.uint8), np.zeros((84, 84)), np.zeros((84, 84, 4), np.uint8)])
 def test_what_is_no_grey_image_is_refused(image):
     for method in (KMeansDetector().partial_fit, detector_of([shapes(0)]).detect):
-        with pytest.raises(DataError, match="grey image"):
+        with pytest.raises(DataError, match="RGB"):
             method(image)
 
 

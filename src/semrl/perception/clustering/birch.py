@@ -55,11 +55,6 @@ class Birch:
     depend on the batches alone. New clusters take over the numbers of the classes with which they share most
     rows, all pairs at once (Hungarian assignment); one that shares none gets the lowest free number.
 
-    Parameters
-    ----------
-    config
-        See `BirchConfig`.
-
     Attributes
     ----------
     revision : object
@@ -110,13 +105,7 @@ class Birch:
         return centres
 
     def partial_fit(self, X: NDArray[Any]) -> Self:
-        """Learn from ``(n, d)`` rows, in order; zero rows are fine.
-
-        Raises
-        ------
-        DataError
-            Rows are not finite, or not as long as those seen before; nothing is learned then.
-        """
+        """Learn from ``(n, d)`` rows, in order; zero rows are fine."""
         self._tree.partial_fit(X)
         self.revision = object()
         if not np.array_equal(self._tree.leaf_ids_, self._ids):
@@ -124,13 +113,7 @@ class Birch:
         return self
 
     def predict(self, X: NDArray[Any]) -> Ints:
-        """Return the class of the nearest leaf for each of ``(n, d)`` rows, ``(n,)`` int64; learns nothing.
-
-        Raises
-        ------
-        DataError
-            Nothing was learned yet, or as `partial_fit`.
-        """
+        """Return the class of the nearest leaf for each of ``(n, d)`` rows, ``(n,)`` int64; learns nothing."""
         classes: Ints = self._classes[np.searchsorted(self._ids, self._tree.predict(X))]
         return classes
 
@@ -140,13 +123,7 @@ class Birch:
         return nest(tree=self._tree.to_arrays(), classes=classes)
 
     def from_arrays(self, arrays: Arrays) -> None:
-        """Take over what `to_arrays` of an equally configured Birch returned.
-
-        Raises
-        ------
-        DataError
-            Arrays are missing, or do not fit the configuration or each other.
-        """
+        """Take over what `to_arrays` of an equally configured Birch returned."""
         tree = CFTree(self.config.tree())
         tree.from_arrays(unnest(arrays, "tree"))
         saved = unnest(arrays, "classes")

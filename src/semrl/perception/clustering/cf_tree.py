@@ -28,25 +28,17 @@ LEAST_GROWTH = 1.05  # of the threshold at a rebuilding, so that a series of the
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CFTreeConfig:
-    """Parameters of a `CFTree` (§3.2.2; §3.4.1 for the state map).
-
-    Attributes
-    ----------
-    threshold
-        Largest radius ``sqrt(S / n)`` of a leaf, in units of the data; it grows when `max_leaves` is met.
-    branching_factor
-        Most children of a node, at least 2.
-    compact
-        Whether a row must also lie within the threshold of the mean of the leaf it joins. The radius alone
-        hardly grows when a leaf of many rows takes in a distant one, so common kinds swallow rare neighbours.
-    max_leaves
-        Most leaves, or None for no limit.
-    """
+    """Parameters of a `CFTree` (§3.2.2; §3.4.1 for the state map)."""
 
     threshold: float = 0.5
+    """Largest radius ``sqrt(S / n)`` of a leaf, in units of the data; it grows when `max_leaves` is met."""
     branching_factor: int = 50
+    """Most children of a node, at least 2."""
     compact: bool = False
+    """Whether a row must also lie within the threshold of the mean of the leaf it joins. The radius alone hardly grows
+    when a leaf of many rows takes in a distant one, so common kinds swallow rare neighbours."""
     max_leaves: int | None = None
+    """Most leaves, or None for no limit."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.threshold <= LARGEST:
@@ -69,11 +61,6 @@ class CFTree:
     than ``max_leaves``, the threshold rises to the median radius that leaves would have if merged with their
     nearest sibling, and all leaves are inserted anew, oldest first. Of two that merge the older id lives on,
     and `resolve` knows what became of the other.
-
-    Parameters
-    ----------
-    config
-        See `CFTreeConfig`.
 
     Notes
     -----
@@ -204,13 +191,7 @@ class CFTree:
         return store_to_arrays(self._store) | absorbed
 
     def from_arrays(self, arrays: Arrays) -> None:
-        """Take over what `to_arrays` of an equally configured tree returned.
-
-        Raises
-        ------
-        DataError
-            An array is missing, or they do not make a tree of this branching factor.
-        """
+        """Take over what `to_arrays` of an equally configured tree returned."""
         if not {"absorbed_ids", "absorbed_by"} <= arrays.keys():
             raise DataError("the saved CF tree lacks absorbed_ids or absorbed_by")
         self._store = store_from_arrays(arrays, self.config.branching_factor)

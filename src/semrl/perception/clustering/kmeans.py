@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.core import Ints
-from semrl.core.arrays import Arrays
 from semrl.core.errors import DataError, UsageError
+from semrl.core.protocols import Saved
 from semrl.perception.clustering.birch import match_classes
 from semrl.perception.clustering.rows import checked_rows
 from semrl.perception.lloyd import k_means, nearest, sums_of, total
@@ -32,7 +32,7 @@ class KMeansConfig:
             raise UsageError(f"seed must be 0 or more, not {self.seed}")
 
 
-class KMeans:
+class KMeans(Saved):
     """k-means that learns batch by batch (§2.3.3; Sculley, "Web-scale k-means clustering", WWW 2010).
 
     The first rows are kept, and all of them are clustered anew after every batch, from first centres drawn by
@@ -40,11 +40,6 @@ class KMeans:
     forgotten. From then on each row pulls its nearest centre towards itself by one over the rows that
     this centre has had. While centres are found anew, they take over the numbers of the classes with which they share
     most rows; afterwards a class is a centre, and keeps its number.
-
-    Parameters
-    ----------
-    config
-        See `KMeansConfig`.
 
     Attributes
     ----------
@@ -58,6 +53,8 @@ class KMeans:
     >>> kinds.partial_fit(np.array([[0.0, 0.0], [0.1, 0.0], [5.0, 5.0]])).predict(np.array([[4.9, 5.0], [0.0, 0.1]]))
     array([1, 0])
     """
+
+    SAVED = ("_centres", "_classes", "_counts", "_rows", "_weights")
 
     def __init__(self, config: KMeansConfig | None = None) -> None:
         self.config = config or KMeansConfig()
@@ -89,13 +86,7 @@ class KMeans:
         return self._centres.copy()
 
     def partial_fit(self, X: NDArray[Any]) -> Self:
-        """Learn from ``(n, d)`` rows; zero rows are fine.
-
-        Raises
-        ------
-        DataError
-            Rows are not finite, or not as long as those seen before; nothing is learned then.
-        """
+        """Learn from ``(n, d)`` rows; zero rows are fine."""
         rows = checked_rows(X, self._centres.shape[1])
         self.revision = object()
         if len(rows) and self._is_starting:
@@ -105,41 +96,18 @@ class KMeans:
         return self
 
     def predict(self, X: NDArray[Any]) -> Ints:
-        """Return the class of the nearest centre for each of ``(n, d)`` rows, ``(n,)`` int64; learns nothing.
-
-        Raises
-        ------
-        DataError
-            Nothing was learned yet, or as `partial_fit`.
-        """
+        """Return the class of the nearest centre for each of ``(n, d)`` rows, ``(n,)`` int64; learns nothing."""
         if not self.is_fitted:
             raise DataError("there are no centres yet: call partial_fit first")
         classes: Ints = self._classes[nearest(checked_rows(X, self._centres.shape[1]), self._centres)]
         return classes
 
-    def to_arrays(self) -> Arrays:
-        """Return centres and the rows of the start; one restored from them goes on bit for bit as this one does."""
-        return {name: getattr(self, f"_{name}").copy() for name in ("centres", "classes", "counts", "rows", "weights")}
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Take over what `to_arrays` of an equally configured one returned.
-
-        Raises
-        ------
-        DataError
-            Arrays are missing, or do not fit the configuration or each other.
-        """
-        if missing := {"centres", "classes", "counts", "rows", "weights"} - arrays.keys():
-            raise DataError(f"the saved k-means lacks {', '.join(sorted(missing))}")
-        centres, classes, counts, rows, weights = (
-            arrays[name].copy() for name in ("centres", "classes", "counts", "rows", "weights")
-        )
-        if centres.shape[:1] != classes.shape or counts.shape != classes.shape or rows.shape[:1] != weights.shape:
+    def _restored(self) -> None:
+        sizes = {len(self._centres), len(self._classes), len(self._counts)}
+        if len(sizes) > 1 or len(self._rows) != len(self._weights):
             raise DataError("the saved centres, classes and rows do not belong together")
-        if len(classes) and not (classes.min() >= 0 and classes.max() < self.config.max_classes):
+        if len(self._classes) and not (self._classes.min() >= 0 and self._classes.max() < self.config.max_classes):
             raise DataError(f"the saved k-means has more than max_classes = {self.config.max_classes} classes")
-        self._centres, self._classes, self._counts = centres, classes, counts
-        self._rows, self._weights = rows, weights
         self.revision = object()
 
     @property

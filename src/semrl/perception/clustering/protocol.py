@@ -36,9 +36,21 @@ class Clusterer(Persistent, Protocol):
         ...
 
     def partial_fit(self, X: NDArray[Any]) -> Self:
-        """Learn from ``(n, d)`` reduced objects."""
+        """Learn from ``(n, d)`` reduced objects; n may be 0.
+
+        Raises
+        ------
+        DataError
+            Rows are not finite, or not as long as those seen before; nothing is learned then.
+        """
         ...
 
     def predict(self, X: NDArray[Any]) -> Ints:
-        """Return the class of each of ``(n, d)`` reduced objects, ``(n,)`` int64; learns nothing."""
+        """Return the class of each of ``(n, d)`` reduced objects, ``(n,)`` int64; learns nothing.
+
+        Raises
+        ------
+        DataError
+            Nothing was learned yet, or as `partial_fit`.
+        """
         ...

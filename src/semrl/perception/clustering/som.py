@@ -7,14 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.core import Ints
-from semrl.core.arrays import Arrays
 from semrl.core.errors import DataError, UsageError
 from semrl.core.kernels import compiled
+from semrl.core.protocols import Saved
 from semrl.perception.clustering.birch import match_classes, ward_clusters
 from semrl.perception.clustering.rows import checked_rows
 from semrl.perception.lloyd import nearest, sums_of
-
-_SAVED = ("units", "counts", "classes", "learned")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -55,7 +53,7 @@ class SelfOrganisingMapConfig:
             raise UsageError(f"seed must be 0 or more, not {self.seed}")
 
 
-class SelfOrganisingMap:
+class SelfOrganisingMap(Saved):
     """Units on a rectangular grid that learn row by row (Kohonen, "Self-organized formation of topologically correct
     feature maps", Biological Cybernetics 43, 1982).
 
@@ -63,11 +61,6 @@ class SelfOrganisingMap:
     grid: by a Gaussian. Units that have won rows are classes as long as there are at most ``max_classes``
     of them; then they are joined by Ward linkage at the end of each batch. Classes keep their numbers as
     those of `Birch` do.
-
-    Parameters
-    ----------
-    config
-        See `SelfOrganisingMapConfig`.
 
     Attributes
     ----------
@@ -83,6 +76,8 @@ class SelfOrganisingMap:
     >>> len(set(som.predict(line[:500]).tolist()))
     1
     """
+
+    SAVED = ("_units", "_counts", "_classes", "_learned")
 
     def __init__(self, config: SelfOrganisingMapConfig | None = None) -> None:
         self.config = config or SelfOrganisingMapConfig()
@@ -128,13 +123,7 @@ class SelfOrganisingMap:
         return sums / counts[:, None]
 
     def partial_fit(self, X: NDArray[Any]) -> Self:
-        """Learn from ``(n, d)`` rows, in order; zero rows are fine.
-
-        Raises
-        ------
-        DataError
-            Rows are not finite, or not as long as those seen before; nothing is learned then.
-        """
+        """Learn from ``(n, d)`` rows, in order; zero rows are fine."""
         rows = checked_rows(X, self._units.shape[1])
         self.revision = object()
         if not len(rows):
@@ -150,41 +139,20 @@ class SelfOrganisingMap:
         return self
 
     def predict(self, X: NDArray[Any]) -> Ints:
-        """Return the class of the best-matching unit for each of ``(n, d)`` rows, ``(n,)`` int64; learns nothing.
-
-        Raises
-        ------
-        DataError
-            Nothing was learned yet, or as `partial_fit`.
-        """
+        """Return the class of the best-matching unit for each of ``(n, d)`` rows, ``(n,)`` int64; learns nothing."""
         self._check_fitted()
         won = self._classes >= 0
         classes: Ints = self._classes[won][nearest(checked_rows(X, self._units.shape[1]), self._units[won])]
         return classes
 
-    def to_arrays(self) -> Arrays:
-        """Return units and classes; one restored from them goes on bit for bit as this one does."""
-        arrays = {name: getattr(self, f"_{name}").copy() for name in ("units", "counts", "classes")}
-        return arrays | {"learned": np.array(self._learned)}
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Take over what `to_arrays` of an equally configured map returned.
-
-        Raises
-        ------
-        DataError
-            Arrays are missing, or do not fit the configuration or each other.
-        """
-        if missing := set(_SAVED) - arrays.keys():
-            raise DataError(f"the saved self-organising map lacks {', '.join(sorted(missing))}")
-        units, counts, classes, learned = (arrays[name].copy() for name in _SAVED)
-        if len(units) not in (0, self.config.rows * self.config.columns):
-            raise DataError(f"the saved map has {len(units)} units, not {self.config.rows} × {self.config.columns}")
-        if counts.shape != classes.shape or units.shape[:1] != classes.shape or learned.ndim:
+    def _restored(self) -> None:
+        n_units, classes = self.config.rows * self.config.columns, self._classes
+        if len(self._units) not in (0, n_units):
+            raise DataError(f"the saved map has {len(self._units)} units, not {n_units}")
+        if self._counts.shape != classes.shape or len(self._units) != len(classes):
             raise DataError("the saved units and classes do not belong together")
         if len(classes) and not (classes.min() >= -1 and classes.max() < self.config.max_classes):
             raise DataError(f"the saved map has more than max_classes = {self.config.max_classes} classes")
-        self._units, self._counts, self._classes, self._learned = units, counts, classes, int(learned)
         self.revision = object()
 
     def _check_fitted(self) -> None:

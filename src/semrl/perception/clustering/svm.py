@@ -105,14 +105,7 @@ class SVMClassifier:
         return self.teacher.centres_
 
     def partial_fit(self, X: NDArray[Any]) -> Self:
-        """Let the teacher learn from ``(n, d)`` rows, then learn its classes of them; zero rows are fine.
-
-        Raises
-        ------
-        DataError
-            Rows are not finite, or not as long as those seen before; nothing is learned then. Or the teacher has
-            more than ``max_classes``.
-        """
+        """Let the teacher learn from ``(n, d)`` rows, then learn which it gives them."""
         rows = checked_rows(X, len(self._frequencies))
         self.teacher.partial_fit(rows)
         self.revision = object()
@@ -130,13 +123,7 @@ class SVMClassifier:
         return self
 
     def predict(self, X: NDArray[Any]) -> Ints:
-        """Return the class whose machine is surest of each of ``(n, d)`` rows, ``(n,)`` int64; learns nothing.
-
-        Raises
-        ------
-        DataError
-            Nothing was learned yet, or as `partial_fit`.
-        """
+        """Return the class whose machine is surest of each of ``(n, d)`` rows, ``(n,)`` int64; learns nothing."""
         if not self.is_fitted:
             raise DataError("the machines know no class yet: call partial_fit first")
         numbers = self.classes_
@@ -155,13 +142,7 @@ class SVMClassifier:
         return nest(teacher=self.teacher.to_arrays(), svm=own)
 
     def from_arrays(self, arrays: Arrays) -> None:
-        """Take over what `to_arrays` of an equally configured one, with such a teacher, returned.
-
-        Raises
-        ------
-        DataError
-            Arrays are missing, or do not fit the configuration or each other.
-        """
+        """Take over what `to_arrays` of an equally configured one, with such a teacher, returned."""
         saved, svm = unnest(arrays, "svm"), self._new()
         if saved and (missing := set(_SAVED) - saved.keys()):
             raise DataError(f"the saved machines lack {', '.join(sorted(missing))}")

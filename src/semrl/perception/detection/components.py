@@ -12,24 +12,16 @@ _FARTHEST_PX = 1 << 30
 
 
 class Components(NamedTuple):
-    """The components of one image.
-
-    Attributes
-    ----------
-    labels
-        ``(height, width)`` int32, from 1 on; 0 is background.
-    boxes_px
-        ``(c, 4)`` int64, top, left, height and width of each.
-    places_px
-        ``(p, 2)`` int32, row and column of every pixel of the foreground.
-    owners
-        ``(p,)`` int32, the component of each of these pixels, from 0 on.
-    """
+    """The components of one image."""
 
     labels: NDArray[np.int32]
+    """``(height, width)`` int32, from 1 on; 0 is background."""
     boxes_px: Ints
+    """``(c, 4)`` int64, top, left, height and width of each."""
     places_px: NDArray[np.int32]
+    """``(p, 2)`` int32, row and column of every pixel of the foreground."""
     owners: NDArray[np.int32]
+    """``(p,)`` int32, the component of each of these pixels, from 0 on."""
 
 
 @compiled

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.core import IMAGE_SIZE_PX, Frame, Image, Ints, Objects
-from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.errors import DataError, UsageError
+from semrl.core.protocols import Saved
 from semrl.perception.detection.foreground_kernels import Places, draw_objects, find_components, vote
 from semrl.perception.detection.parts import Parts
 
@@ -42,7 +42,7 @@ class ForegroundConfig:
             raise UsageError(f"foreground.contrast must lie in 0 … 254, not {self.contrast}")
 
 
-class ForegroundDetector:
+class ForegroundDetector(Saved):
     """Objects are connected pixels of one colour, or pieces that go together, that differ from the background.
 
     The background is the colour that a pixel has most of the time, found by majority vote (Boyer & Moore,
@@ -56,6 +56,8 @@ class ForegroundDetector:
     frames_ : int
         Frames that the background was learned from.
     """
+
+    SAVED, PARTS = ("frames_", "_background", "_votes"), ("_parts",)
 
     crop_size_px = 8
     """Edge of the window of one object, in pixels of the 84×84 image."""
@@ -97,13 +99,7 @@ class ForegroundDetector:
         return self
 
     def detect(self, frame: Frame | Image) -> Objects:
-        """Find the objects of a frame, from top to bottom.
-
-        Raises
-        ------
-        DataError
-            No frame was learned from yet, or this one has another shape.
-        """
+        """Find the objects of a frame, from top to bottom."""
         if not self.frames_:
             raise DataError("the detector has seen no frame yet: call partial_fit first")
         pixels = self._checked(frame)
@@ -117,21 +113,6 @@ class ForegroundDetector:
     def components(self, frame: Frame | Image) -> NDArray[np.int32]:
         """Number the objects of a frame, ``(84, 84)``; 0 is background. They are not cut, so these are components."""
         return self.detect(frame).labels
-
-    def to_arrays(self) -> Arrays:
-        """Return the background and its votes."""
-        return {
-            "frames": np.array(self.frames_),
-            "background": self._background.copy(),
-            "votes": self._votes.copy(),
-            **nest(parts=self._parts.to_arrays()),
-        }
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Take over a background."""
-        self.frames_ = int(arrays["frames"])
-        self._background, self._votes = arrays["background"].copy(), arrays["votes"].copy()
-        self._parts.from_arrays(unnest(arrays, "parts"))
 
     def _components(self, pixels: Frame) -> tuple[Places, Ints]:
         """Return pieces of one colour; of very many only the largest, since all are compared with each other."""

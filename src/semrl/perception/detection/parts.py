@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.core import Frame, Ints
-from semrl.core.arrays import Arrays
+from semrl.core.protocols import Saved
 from semrl.perception.detection.foreground_kernels import Places
 from semrl.perception.detection.parts_kernels import colours_of, join, touching
 
@@ -15,7 +15,7 @@ LEAST_PIECES = 25
 """Of a colour, to be judged by what they touch."""
 
 
-class Parts:
+class Parts(Saved):
     """How often pieces of one colour touch one of another, or of the same, and so which colours make things together.
 
     Of two colours one is part of the other's things if nearly all of its pieces touch one of the other: wheels and
@@ -32,6 +32,8 @@ class Parts:
     colours_ : ndarray
         ``(k, channels)`` uint8, the colours seen so far.
     """
+
+    SAVED = ("colours_", "_pieces", "_touches", "_together")
 
     def __init__(self, share: float) -> None:
         self.share = share
@@ -74,18 +76,3 @@ class Parts:
         known = colours >= 0
         alike = self._together[np.ix_(colours, colours)] & known[:, None] & known[None]
         return join(places, ends, touching(places, ends, height, width) & alike)
-
-    def to_arrays(self) -> Arrays:
-        """Return what was counted and decided."""
-        return {
-            "colours": self.colours_.copy(),
-            "pieces": self._pieces.copy(),
-            "touches": self._touches.copy(),
-            "together": self._together.copy(),
-        }
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Go on where `to_arrays` was called."""
-        self.colours_ = arrays["colours"].copy()
-        self._pieces, self._touches = arrays["pieces"].copy(), arrays["touches"].copy()
-        self._together = arrays["together"].copy()

@@ -23,11 +23,23 @@ class Detector(Persistent, Protocol):
         ...
 
     def partial_fit(self, frame: Frame) -> Self:
-        """Learn from one more RGB frame, ``(height, width, 3)`` uint8, until there are enough."""
+        """Learn from one more RGB frame, ``(height, width, 3)`` uint8, until there are enough.
+
+        Raises
+        ------
+        DataError
+            It is no such frame, or not of the size of those before.
+        """
         ...
 
     def detect(self, frame: Frame) -> Objects:
-        """Find the objects of a frame; learns nothing."""
+        """Find the objects of a frame; learns nothing.
+
+        Raises
+        ------
+        DataError
+            No frame was learned from yet, or as `partial_fit`.
+        """
         ...
 
     def components(self, frame: Frame) -> Ints:

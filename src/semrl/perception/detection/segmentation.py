@@ -7,15 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.core import IMAGE_SIZE_PX, Frame, Image, Ints, Objects
-from semrl.core.arrays import Arrays
 from semrl.core.errors import DataError, UsageError
+from semrl.core.protocols import Saved
 from semrl.perception.detection.components import Components, connected_components
 from semrl.perception.detection.cutting import cut_components
 from semrl.perception.detection.grey import as_grey
 from semrl.perception.lloyd import k_means, nearest, total
 
 _PIXELS = IMAGE_SIZE_PX**2
-_SAVED = ("frames", "centres", "background", "pixels", "counts")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +45,7 @@ class KMeansDetectorConfig:
             raise UsageError(f"seed must be 0 or more, not {self.seed}")
 
 
-class KMeansDetector:
+class KMeansDetector(Saved):
     """Pixels are clustered by k-means (§2.3, §2.3.3); what is joined and of one cluster is an object.
 
     The pixels of the first frames are clustered together, by grey level and, if wanted, position. The cluster
@@ -72,6 +71,8 @@ class KMeansDetector:
     [[10, 20, 4, 2], [30, 40, 2, 5]]
     """
 
+    SAVED = ("frames_", "centres_", "background_", "_pixels", "_counts")
+
     def __init__(self, config: KMeansDetectorConfig | None = None) -> None:
         self.config = config or KMeansDetectorConfig()
         self.frames_ = 0
@@ -96,13 +97,7 @@ class KMeansDetector:
         return int(IMAGE_SIZE_PX * self.config.max_object_share)
 
     def partial_fit(self, frame: Frame | Image) -> Self:
-        """Look at one more frame, RGB or the grey image ``(84, 84)`` made of it, until there are enough.
-
-        Raises
-        ------
-        DataError
-            It is neither.
-        """
+        """Look at one more frame, RGB or the grey image ``(84, 84)`` made of it, until there are enough."""
         image = as_grey(frame)
         if self.is_fitted:
             return self
@@ -141,27 +136,10 @@ class KMeansDetector:
         image = as_grey(frame)
         return cut_components(image, self._components(image), self.crop_size_px)
 
-    def to_arrays(self) -> Arrays:
-        """Return the clusters and, while they are learned, the pixels seen."""
-        numbers = {"frames": np.array(self.frames_), "background": np.array(self.background_)}
-        pixels = {"pixels": self._pixels.copy(), "counts": self._counts.copy()}
-        return {**numbers, "centres": self.centres_.copy(), **pixels}
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Take over clusters.
-
-        Raises
-        ------
-        DataError
-            Arrays are missing, or there are other clusters than the configuration has.
-        """
-        if missing := set(_SAVED) - arrays.keys():
-            raise DataError(f"the saved detector lacks {', '.join(sorted(missing))}")
-        centres = arrays["centres"].copy()
-        if len(centres) > self.config.clusters or (len(centres) and centres.shape[1] != self._dimension):
+    def _restored(self) -> None:
+        fits = not len(self.centres_) or self.centres_.shape[1] == self._dimension
+        if len(self.centres_) > self.config.clusters or not fits:
             raise DataError("the saved detector has other clusters than the configuration")
-        self.frames_, self.background_ = int(arrays["frames"]), int(arrays["background"])
-        self.centres_, self._pixels, self._counts = centres, arrays["pixels"].copy(), arrays["counts"].copy()
 
     @property
     def _dimension(self) -> int:

@@ -2,43 +2,38 @@
 
 from semrl.perception.embedding.doc2vec import Doc2VecConfig, Doc2VecEmbedding
 from semrl.perception.embedding.fractional import FractionalEmbedding, FractionalEmbeddingConfig
-from semrl.perception.embedding.graph_distance import (
-    GraphDistanceConfig,
-    graph_distance,
-    graph_distances,
-    nearest_graphs,
-)
 from semrl.perception.embedding.hashing import HashedEmbedding, HashedEmbeddingConfig
 from semrl.perception.embedding.online import OnlineEmbedding, OnlineEmbeddingConfig
-from semrl.perception.embedding.retrieval import Retrieval
 from semrl.perception.embedding.scene_graph import SceneGraphConfig, build_scene_graph
 from semrl.perception.embedding.scenery import Scenery
 from semrl.perception.embedding.slots import SlotsEmbedding, SlotsEmbeddingConfig
-from semrl.perception.embedding.word_hashes import WordHasher, word_hash
-from semrl.perception.embedding.words import WordsConfig, document, position_words, sentences, wl_hashes
+from semrl.perception.embedding.words import (
+    WordsConfig,
+    document,
+    hash_words,
+    position_words,
+    sentences,
+    wl_hashes,
+    word_hash,
+)
 
 __all__ = [
     "Doc2VecConfig",
     "Doc2VecEmbedding",
     "FractionalEmbedding",
     "FractionalEmbeddingConfig",
-    "GraphDistanceConfig",
     "HashedEmbedding",
     "HashedEmbeddingConfig",
     "OnlineEmbedding",
     "OnlineEmbeddingConfig",
-    "Retrieval",
     "SceneGraphConfig",
     "Scenery",
     "SlotsEmbedding",
     "SlotsEmbeddingConfig",
-    "WordHasher",
     "WordsConfig",
     "build_scene_graph",
     "document",
-    "graph_distance",
-    "graph_distances",
-    "nearest_graphs",
+    "hash_words",
     "position_words",
     "sentences",
     "wl_hashes",

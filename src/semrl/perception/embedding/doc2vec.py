@@ -24,37 +24,26 @@ class Doc2VecConfig:
 
     documents: int = 30_000
     """Number of scenes to gather before training."""
-
     dimension: int = 128
     """Length of the vectors."""
-
     min_count: int = 2
     """How often a word must occur in all scenes together to be used."""
-
     epochs: int = 20
     """Passes over the scenes in training, and over the one scene when its vector is inferred."""
-
     learning_rate: float = 0.025
     """Learning rate at the start of training and of inferring; it falls linearly to 0.0001."""
-
     window_words: int = 16
     """PV-DM: the largest distance of context and predicted word, in words."""
-
     hierarchical_softmax: bool = True
     """Whether to predict words down a Huffman tree."""
-
     words: WordsConfig = field(default_factory=WordsConfig)
     """Which words describe a scene; their form selects the algorithm, PV-DBOW or PV-DM."""
-
     negative: int = 0
     """Number of noise words of negative sampling; 0 for none."""
-
     max_vocabulary_words: int = 30_000
     """When more distinct words than this were seen, the rarest are dropped."""
-
     down_sampling: float = 1e-4
     """Share of the text above which a word is skipped at random; 0 never skips. Karate Club's value."""
-
     seed: int = 0
     """Seed of first weights, skipped words and noise words."""
 
@@ -77,11 +66,6 @@ class Doc2VecEmbedding:
     model: one worker trains, and each inference starts from the same random state and from a first
     vector drawn by a hash of our own. (Gensim's ``infer_vector`` goes on with a generator it shares with
     all calls before, and draws by Python's ``hash``, which differs between processes.)
-
-    Parameters
-    ----------
-    config
-        Settings; the thesis's if none are given.
 
     Raises
     ------
@@ -149,23 +133,7 @@ class Doc2VecEmbedding:
         return self
 
     def transform(self, graph: SceneGraph) -> Floats:
-        """Infer the vector of a scene.
-
-        Parameters
-        ----------
-        graph
-            The scene. Words that are not in the vocabulary are left out.
-
-        Returns
-        -------
-        ndarray
-            ``(dimension,)`` float32; zeros for a scene without objects.
-
-        Raises
-        ------
-        UsageError
-            If nothing was learned yet.
-        """
+        """Infer the vector of a scene, ``(dimension,)`` float32; words that are not in the vocabulary are left out."""
         from gensim.models import doc2vec
         from gensim.models.keyedvectors import pseudorandom_weak_vector
 
@@ -196,13 +164,7 @@ class Doc2VecEmbedding:
         return arrays
 
     def from_arrays(self, arrays: Arrays) -> None:
-        """Take over what `to_arrays` of an equally configured embedding returned.
-
-        Raises
-        ------
-        DataError
-            If the arrays come from an embedding with other settings.
-        """
+        """Take over what `to_arrays` of an equally configured embedding returned."""
         if not arrays:
             self.model_ = None
             return

@@ -30,10 +30,8 @@ class FractionalEmbeddingConfig:
 
     dimension: int = 128
     """Length of the vectors, an even number."""
-
     width_px: float = 16.0
     """How far apart two places are, in pixels, whose similarity has fallen to exp(−1/2)."""
-
     seed: int = 0
     """Selects the phases of the classes, from 0 on."""
 
@@ -62,11 +60,6 @@ class FractionalEmbedding(Unlearned):
     covers the distribution better than chance (Yang et al., "Quasi-Monte Carlo feature maps", ICML 2014).
 
     An object has length 1 whatever else is in the picture. Places are taken to half a pixel.
-
-    Parameters
-    ----------
-    config
-        Settings; the defaults if none are given.
     """
 
     def __init__(self, config: FractionalEmbeddingConfig | None = None) -> None:
@@ -74,33 +67,17 @@ class FractionalEmbedding(Unlearned):
         super().__init__(self.config.dimension)
         self._frequencies = _spread_frequencies(self.config.dimension // 2, self.config.width_px)
         self._scale = np.float32(1 / _ONE)
-        self._objects = Memo(self._embed_objects, width=3)  # class, doubled row and column → its vector
+        self._objects = Memo(self._embed_objects)  # class, doubled row and column → its vector
 
     def transform(self, graph: SceneGraph) -> Floats:
-        """Embed a scene: a pure function of its objects, in any order, and of the configuration.
-
-        Parameters
-        ----------
-        graph
-            The scene.
-
-        Returns
-        -------
-        ndarray
-            ``(dimension,)`` float32; zeros for a scene without objects.
-
-        Raises
-        ------
-        DataError
-            If a centre is not finite or too far away.
-        """
-        vectors, places = self._objects.look_up(object_keys(graph))
-        return _sum_rows(vectors, places, self._scale)
+        """Embed a scene, ``(dimension,)`` float32: a pure function of its objects and the configuration."""
+        total = self._objects(object_keys(graph)).sum(axis=0)
+        vector: Floats = total.astype(np.float32) * self._scale
+        return vector
 
     def objects(self, graph: SceneGraph) -> Floats:
         """Embed each object on its own, ``(n, dimension)`` float32; a scene is their sum."""
-        vectors, places = self._objects.look_up(object_keys(graph))
-        rows: Floats = vectors[places].astype(np.float32) * self._scale
+        rows: Floats = self._objects(object_keys(graph)).astype(np.float32) * self._scale
         return rows
 
     def _embed_objects(self, keys: Ints) -> Ints:
@@ -130,15 +107,6 @@ def _turn(keys: Ints, frequencies: NDArray[np.float64], phases: NDArray[np.float
             vectors[i, k] = np.int64(np.rint(np.cos(angle) * length))
             vectors[i, count + k] = np.int64(np.rint(np.sin(angle) * length))
     return vectors
-
-
-@compiled
-def _sum_rows(rows: Ints, places: Ints, scale: np.float32) -> Floats:
-    """Sum the rows of ``(c, dimension)`` that are named, and scale the sum."""
-    total = np.zeros(rows.shape[1], np.int64)
-    for place in places:
-        total += rows[place]
-    return total.astype(np.float32) * scale
 
 
 def _spread_frequencies(count: int, width_px: float) -> NDArray[np.float64]:

@@ -11,12 +11,10 @@ import numpy as np
 
 from semrl.core import Floats, Ints, SceneGraph
 from semrl.core.errors import UsageError
-from semrl.core.kernels import compiled
 from semrl.core.memo import Memo
 from semrl.perception.embedding.scene_graph import object_keys
 from semrl.perception.embedding.unlearned import Unlearned
-from semrl.perception.embedding.word_hashes import Hashes, WordHasher
-from semrl.perception.embedding.words import WordsConfig
+from semrl.perception.embedding.words import Hashes, WordsConfig, hash_words, position_words, wl_hashes
 
 MAX_SPREAD_PX = 32.0
 
@@ -31,16 +29,12 @@ class HashedEmbeddingConfig:
 
     dimension: int = 128
     """Length of the vectors."""
-
     words: WordsConfig = field(default_factory=WordsConfig)
     """Which words describe a scene."""
-
     spread_px: float = 0.0
     """Position words are spread over the neighbouring positions within this distance; 0: they stand alone."""
-
     neighbourhood_weight: float = 1.0
     """How much a Weisfeiler–Lehman hash counts, against 1 for a position word."""
-
     seed: int = 0
     """Selects the hash function, from 0 on."""
 
@@ -65,11 +59,6 @@ class HashedEmbedding(Unlearned):
     another object. With ``spread_px`` an object also says, less loudly, the words of the positions around
     it: its vector is the mean of theirs under a triangular window, a smooth function of its centre, to
     half a pixel.
-
-    Parameters
-    ----------
-    config
-        Settings; the defaults if none are given.
     """
 
     def __init__(self, config: HashedEmbeddingConfig | None = None) -> None:
@@ -81,107 +70,37 @@ class HashedEmbedding(Unlearned):
         self._class_weight = round(_ONE * length)
         self._hash_weight = round(_ONE * length * self.config.neighbourhood_weight)
         self._scale = np.float32(1 / (_ONE * length * np.sqrt(max(self.config.words.words_per_object, 1))))
-        self._hasher = WordHasher(self.config.words, self.config.seed)
-        self._objects = Memo(self._sum_objects, width=3)  # class, doubled row and column → its words' signed sum
+        self._objects = Memo(self._sum_objects)  # class, doubled row and column → its words' signed sum
 
     def transform(self, graph: SceneGraph) -> Floats:
-        """Embed a scene.
+        """Embed a scene, ``(dimension,)`` float32: a pure function of it, the same bits in every process.
 
-        A pure function of the scene and the configuration, the same bits in every process: words are
-        counted as integers, so the order of the sum does not matter, and scaled once.
-
-        Parameters
-        ----------
-        graph
-            The scene.
-
-        Returns
-        -------
-        ndarray
-            ``(dimension,)`` float32; zeros for a scene without objects.
-
-        Raises
-        ------
-        DataError
-            If a centre is not finite or too far away.
+        Words are counted as integers, so the order of the sum does not matter, and scaled once.
         """
-        sums, places = self._objects.look_up(object_keys(graph))
-        return sum_scene(sums, places, self._hasher.surroundings(graph), self._hash_weight, self._scale)
+        total = self._objects(object_keys(graph)).sum(axis=0)
+        around = wl_hashes(graph, self.config.words.wl_iterations)
+        _add_words(total, hash_words(around, self.config.seed), np.int64(self._hash_weight))
+        vector: Floats = total.astype(np.float32) * self._scale
+        return vector
 
     def _sum_objects(self, keys: Ints) -> Ints:
-        """Sum the words of each of ``(k, 3)`` objects, ``(k, dimension)``."""
+        """Sum the words of each of ``(k, 3)`` objects, ``(k, dimension)``: that of its class once, others by window."""
         positions, weights = _window(keys[:, 1:], self.config.spread_px)  # (k, 2, w)
-        n, _, width = positions.shape
-        places = np.empty((n, width, width, 2), np.int64)
-        places[..., 0], places[..., 1] = positions[:, 0, :, None], positions[:, 1, None, :]
-        words = self._hasher.places(np.repeat(keys[:, 0], width * width), places.reshape(-1, 2))
-        both = (weights[:, 0, :, None] * weights[:, 1, None, :]).reshape(n, width * width)
-        return sum_spread(
-            words.reshape(n, width * width, words.shape[1]), _ONE * both, self._class_weight, self.dimension
-        )
+        sums = np.zeros((len(keys), self.dimension), np.int64)
+        for total, number, (rows, columns), (by_row, by_column) in zip(
+            sums, keys[:, 0].tolist(), positions.tolist(), weights, strict=True
+        ):
+            words = [position_words(number, r, c, self.config.words) for r in rows for c in columns]
+            hashes = hash_words(words, self.config.seed)
+            _add_words(total, hashes[:, 1:], _ONE * np.outer(by_row, by_column).reshape(-1, 1))
+            _add_words(total, hashes[0, :1], np.int64(self._class_weight))
+        return sums
 
 
-@compiled
-def sum_scene(sums: Ints, places: Ints, hashes: Hashes, hash_weight: int, scale: np.float32) -> Floats:
-    """Sum what the objects of a scene say, and scale it.
-
-    Parameters
-    ----------
-    sums, places
-        The sums of position words, ``(c, dimension)``, and which of them are those of the ``n`` objects.
-    hashes
-        ``(n, k)``, of the words about surroundings.
-    hash_weight
-        Of each of these.
-    scale
-        What the sum is multiplied with.
-
-    Returns
-    -------
-    ``(dimension,)`` float32.
-    """
-    total = np.zeros(sums.shape[1], np.int64)
-    for place in places:
-        total += sums[place]
-    for words in hashes:
-        add_words(total, words, hash_weight)
-    return total.astype(np.float32) * scale
-
-
-@compiled
-def sum_spread(words: Hashes, weights: Ints, class_weight: int, dimension: int) -> Ints:
-    """Sum the position words of objects.
-
-    Parameters
-    ----------
-    words
-        ``(n, p, w)``, of each object at each position around it; the first of them names its class.
-    weights
-        ``(n, p)``, of all words of a position but the first.
-    class_weight
-        Of the first word, which counts once.
-    dimension
-        Length of the vectors.
-
-    Returns
-    -------
-    ``(n, dimension)`` int64.
-    """
-    sums = np.zeros((len(words), dimension), np.int64)
-    for i in range(len(words)):
-        for p in range(words.shape[1]):
-            add_words(sums[i], words[i, p, 1:], weights[i, p])
-        add_words(sums[i], words[i, 0, :1], class_weight)
-    return sums
-
-
-@compiled
-def add_words(total: Ints, hashes: Hashes, weight: int) -> None:
-    """Count ``(k,)`` words: the lowest bit of a word's hash is its sign, the others say which component it adds to."""
-    dimension = np.uint64(len(total))
-    for word_hash in hashes:
-        component = (word_hash >> np.uint64(1)) % dimension
-        total[component] += -weight if word_hash & np.uint64(1) else weight
+def _add_words(total: Ints, hashes: Hashes, weights: Ints | np.int64) -> None:
+    """Count words: the lowest bit of a word's hash is its sign, the others say which component it adds to."""
+    components = (hashes >> np.uint64(1)) % np.uint64(len(total))
+    np.add.at(total, components.astype(np.int64), np.where(hashes & np.uint64(1), -weights, weights))
 
 
 def _window(halves: Ints, spread_px: float) -> tuple[Ints, Ints]:

@@ -17,8 +17,7 @@ from semrl.core.arrays import Arrays, array_to_json, json_to_array
 from semrl.core.errors import DataError, UsageError
 from semrl.perception.embedding.fractional import FractionalEmbedding, FractionalEmbeddingConfig
 from semrl.perception.embedding.online_kernels import Memory, Rates, add_vectors, learn, new_memory
-from semrl.perception.embedding.word_hashes import WordHasher
-from semrl.perception.embedding.words import WordsConfig
+from semrl.perception.embedding.words import WordsConfig, hash_words, sentences
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -27,40 +26,28 @@ class OnlineEmbeddingConfig:
 
     dimension: int = 128
     """Length of the vectors."""
-
     documents: int = 5_000
     """Scenes to learn from before the agent begins; then words stay as they are, and no vector drifts."""
-
     prior: float = 1.0
     """What places as phases count, which need no learning; 0: words alone."""
-
     width_px: float = 16.0
     """How far apart two places are, in pixels, whose similarity has fallen to exp(−1/2), before learning."""
-
     words: WordsConfig = field(default_factory=WordsConfig)
     """Which words describe a scene."""
-
     buckets: int = 1 << 15
     """Words share so many vectors, by their hashes."""
-
     learning_rate: float = 0.01
     """Learning rate at the first document."""
-
     halving_documents: int = 2_000
     """Documents after which the learning rate is half of that, then a third, a quarter and so on; 0: it stays."""
-
     anchor: float = 10.0
     """How strongly words are pulled back to where they began, as a multiple of the learning rate."""
-
     negative: int = 5
     """Number of noise words of negative sampling."""
-
     corruption: float = 0.5
     """Share of a scene's objects that are hidden in learning: their words must be told from the others."""
-
     down_sampling: float = 1e-5
     """Share of the text above which a word is skipped at random as something to be predicted."""
-
     seed: int = 0
     """Of hash function, noise and skipped words."""
 
@@ -94,11 +81,6 @@ class OnlineEmbedding:
     Three things hold drift down: the prior does not move and fixes the axes of the space, each word is pulled back to
     zero (`anchor`), and the learning rate falls. It is over when nobody calls `partial_fit` any more.
 
-    Parameters
-    ----------
-    config
-        Settings; the defaults if none are given.
-
     Attributes
     ----------
     documents_ : int
@@ -112,7 +94,6 @@ class OnlineEmbedding:
         self.documents_ = 0
         self.memory_: Memory | None = None
         self._places = _places(self.config)
-        self._hasher = WordHasher(self.config.words, self.config.seed)
         self._weight = 1 / np.sqrt(max(self.config.words.words_per_object, 1))
 
     @property
@@ -143,13 +124,7 @@ class OnlineEmbedding:
         return self
 
     def partial_fit(self, graph: SceneGraph) -> Self:
-        """Learn from one scene, which is not needed again.
-
-        Raises
-        ------
-        DataError
-            If a centre is not finite or too far away; nothing is learned then.
-        """
+        """Learn from one scene, which is not needed again."""
         # Divided by the root of their number, so that crowded scenes are learned like others.
         crowd = np.float32(1 / np.sqrt(max(len(graph), 1)))
         priors = np.float32(self.config.prior) * crowd * self._places.objects(graph)
@@ -161,25 +136,7 @@ class OnlineEmbedding:
         return self
 
     def transform(self, graph: SceneGraph) -> Floats:
-        """Embed a scene: a pure function of it and of what was learned, the same bits in every process.
-
-        Parameters
-        ----------
-        graph
-            The scene. A word that was never met adds nothing.
-
-        Returns
-        -------
-        ndarray
-            ``(dimension,)`` float32; zeros for a scene without objects.
-
-        Raises
-        ------
-        UsageError
-            If nothing was learned yet.
-        DataError
-            If a centre is not finite or too far away.
-        """
+        """Embed a scene, ``(dimension,)`` float32: a pure function of its objects and of what was learned."""
         memory = self._learned()
         prior: Floats = np.float32(self.config.prior) * self._places.transform(graph)
         return prior + np.float32(self._weight) * add_vectors(self._words(graph), memory.vectors)
@@ -195,13 +152,7 @@ class OnlineEmbedding:
         }
 
     def from_arrays(self, arrays: Arrays) -> None:
-        """Take over what `to_arrays` of an equally configured embedding returned.
-
-        Raises
-        ------
-        DataError
-            If the arrays come from an embedding with other settings.
-        """
+        """Take over what `to_arrays` of an equally configured embedding returned."""
         if not arrays:
             self.documents_, self.memory_ = 0, None
             return
@@ -229,7 +180,8 @@ class OnlineEmbedding:
 
     def _words(self, graph: SceneGraph) -> Ints:
         """Return the bucket of each word, ``(n, words_per_object)``."""
-        buckets: Ints = (self._hasher.sentences(graph) % np.uint64(self.config.buckets)).astype(np.int64)
+        hashes = hash_words(sentences(graph, self.config.words), self.config.seed)
+        buckets: Ints = (hashes % np.uint64(self.config.buckets)).astype(np.int64)
         return buckets
 
     def _learned(self) -> Memory:

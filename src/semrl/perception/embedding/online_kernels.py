@@ -21,30 +21,20 @@ _STEEPEST = 8.0  # scores beyond it are as sure as this
 
 
 class Memory(NamedTuple):
-    """What is known of the words: of each of ``b`` buckets, and of all together.
-
-    Attributes
-    ----------
-    vectors
-        ``(b, dimension)`` float32: what a word adds to its document's vector.
-    contexts
-        ``(b, dimension)`` float32: the inner product with a document's vector scores how likely the word is in it.
-    counts
-        ``(b,)`` int64: how often a word of this bucket was met.
-    noise
-        ``(NOISE_WORDS,)`` int64: buckets, each about as often as it is to be drawn as noise.
-    totals
-        ``(3,)`` float64: words met, sum of the counts' powers, places of the table that are filled.
-    chance
-        ``(1,)`` uint64: state of the random generator.
-    """
+    """What is known of the words: of each of ``b`` buckets, and of all together."""
 
     vectors: Floats
+    """``(b, dimension)`` float32: what a word adds to its document's vector."""
     contexts: Floats
+    """``(b, dimension)`` float32: the inner product with a document's vector scores how likely the word is in it."""
     counts: Ints
+    """``(b,)`` int64: how often a word of this bucket was met."""
     noise: Ints
+    """``(NOISE_WORDS,)`` int64: buckets, each about as often as it is to be drawn as noise."""
     totals: NDArray[np.float64]
+    """``(3,)`` float64: words met, sum of the counts' powers, places of the table that are filled."""
     chance: NDArray[np.uint64]
+    """``(1,)`` uint64: state of the random generator."""
 
 
 class Rates(NamedTuple):

@@ -30,7 +30,15 @@ class Embedder(Persistent, Protocol):
         ...
 
     def transform(self, graph: SceneGraph) -> Floats:
-        """Return the vector, ``(dimension,)`` float32; learns nothing."""
+        """Return the vector, ``(dimension,)`` float32, zeros for a scene without objects; learns nothing.
+
+        Raises
+        ------
+        DataError
+            If a centre is not finite or too far away.
+        UsageError
+            If there is something to learn and nothing was learned yet.
+        """
         ...
 
 

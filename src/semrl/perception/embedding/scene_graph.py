@@ -20,10 +20,8 @@ class SceneGraphConfig:
 
     proximity_px: float = 20.0
     """Objects whose centres are at most this far apart, in pixels, are joined."""
-
     omit_scenery: bool = False
     """Leave out objects of kinds that never move, such as walls and the digits of a score."""
-
     scenery_frames: int = 500
     """Frames in which kinds are seen to move or not, where scenery is left out."""
 
@@ -79,8 +77,9 @@ def _checked(classes: NDArray[Any], centres_px: NDArray[Any]) -> tuple[Ints, Flo
 
 
 def _check_places(centres: Floats) -> None:
-    far = _first_far(centres)
-    if far >= 0:
+    near = (np.abs(centres) <= FARTHEST_PX).all(axis=1)  # false for NaN too
+    if not near.all():
+        far = int(near.argmin())
         raise DataError(f"the centre of object {far} is not finite or too far away: {centres[far].tolist()}")
 
 
@@ -93,27 +92,7 @@ def object_keys(graph: SceneGraph) -> Ints:
         If a centre is not finite or further away than `FARTHEST_PX`.
     """
     _check_places(graph.centres_px)
-    return _half_pixels(graph.classes, graph.centres_px)
-
-
-@compiled
-def _half_pixels(classes: Ints, centres_px: Floats) -> Ints:
-    keys = np.empty((len(classes), 3), np.int64)
-    for i in range(len(classes)):
-        keys[i, 0] = classes[i]
-        for axis in range(2):
-            keys[i, axis + 1] = np.int64(np.rint(centres_px[i, axis] * np.float32(2)))
-    return keys
-
-
-@compiled
-def _first_far(centres: Floats) -> int:
-    """Return the first object whose centre is not within `FARTHEST_PX`; −1 if there is none."""
-    for i in range(len(centres)):
-        for place in centres[i]:
-            if not abs(place) <= FARTHEST_PX:  # false for NaN too
-                return i
-    return -1
+    return np.column_stack([graph.classes, np.rint(graph.centres_px * np.float32(2)).astype(np.int64)])
 
 
 @compiled

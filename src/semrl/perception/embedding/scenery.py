@@ -6,17 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.core import Ints
-from semrl.core.arrays import Arrays
-from semrl.core.kernels import compiled
+from semrl.core.protocols import Saved
 
-LEAST_MOVING_SHARE = 0.1
+LEAST_MOVED_SHARE = 0.1
 """Share of a kind's objects that must have moved since the frame before, else the kind is scenery.
 
 In random play of Pong, ball and paddles have moved in 50 to 100 % of the frames, walls and digits in 0 to 3 %.
 """
 
 
-class Scenery:
+class Scenery(Saved):
     """Learns which kinds of objects stand still.
 
     An object has moved when the frame before had none of its class at the very same place.
@@ -26,6 +25,8 @@ class Scenery:
     frames_ : int
         Frames seen so far.
     """
+
+    SAVED = ("frames_", "_objects", "_moved", "_places")
 
     def __init__(self) -> None:
         self.frames_ = 0
@@ -40,7 +41,8 @@ class Scenery:
 
     def is_still(self, classes: Ints) -> NDArray[np.bool_]:
         """Say of each of ``(n,)`` classes whether it is of a kind that stands still."""
-        return _are_still(classes, self._objects, self._moved)
+        still = self._moved < LEAST_MOVED_SHARE * self._objects  # false where none was met
+        return np.isin(classes, np.flatnonzero(still))
 
     def partial_fit(self, classes: Ints, centres_px: NDArray[Any]) -> Self:
         """Learn from one frame; frames are expected in their order.
@@ -62,30 +64,6 @@ class Scenery:
         self.frames_ += 1
         return self
 
-    def to_arrays(self) -> Arrays:
-        """Return what was counted, and the last frame."""
-        return {
-            "frames": np.array(self.frames_),
-            "objects": self._objects,
-            "moved": self._moved,
-            "places": self._places,
-        }
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Go on where `to_arrays` was called."""
-        self.frames_ = int(arrays["frames"])
-        self._objects, self._moved, self._places = (arrays[name] for name in ("objects", "moved", "places"))
-
 
 def _grown(counts: Ints, size: int) -> Ints:
     return np.pad(counts, (0, size - len(counts)))
-
-
-@compiled
-def _are_still(classes: Ints, objects: Ints, moved: Ints) -> NDArray[np.bool_]:
-    still = np.zeros(len(classes), np.bool_)
-    for i in range(len(classes)):
-        kind = classes[i]
-        if 0 <= kind < len(objects):
-            still[i] = moved[kind] < LEAST_MOVING_SHARE * objects[kind]  # false where none was met
-    return still

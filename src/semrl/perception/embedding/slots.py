@@ -33,11 +33,6 @@ class SlotsEmbedding(Unlearned):
 
     Each fills a slot: 1, class / 16, row / 84, column / 84. Empty slots are zeros; objects beyond the last slot are
     left out. An object that appears shifts all after it.
-
-    Parameters
-    ----------
-    config
-        Settings; the defaults if none are given.
     """
 
     def __init__(self, config: SlotsEmbeddingConfig | None = None) -> None:

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from typing import Self
 
 from semrl.core import SceneGraph
-from semrl.core.arrays import Arrays
+from semrl.core.protocols import Stateless
 
 
-class Unlearned:
+class Unlearned(Stateless):
     """The part of the protocol `Embedder` that is about learning, for embeddings that are pure functions of a scene.
 
     Parameters
@@ -37,10 +37,3 @@ class Unlearned:
     def fit(self, graphs: Sequence[SceneGraph]) -> Self:  # noqa: ARG002 - the protocol's signature
         """Do nothing and return ``self``: there is nothing to learn."""
         return self
-
-    def to_arrays(self) -> Arrays:
-        """Return nothing: there is no state."""
-        return {}
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Take over nothing."""

@@ -7,13 +7,18 @@ hash, ``dab5edac…``, is the 128-bit BLAKE2b digest of ``811111``: an object of
 of class 1, their labels sorted and written one after the other, which is how networkx hashes subgraphs.
 """
 
+import hashlib
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from semrl.core import SceneGraph
 from semrl.core.errors import UsageError
-from semrl.perception.embedding.neighbourhoods import neighbourhood_labels
+
+Hashes = NDArray[np.uint64]
 
 PIECES = ("", "pos_x", "pos_y", "apr_pos_x", "apr_pos_y")
 """What position words are put together from: class number, row, column and the cells of both, each after its name."""
@@ -35,10 +40,8 @@ class WordsConfig:
 
     form: Literal["pv-dbow", "pv-dm"] = "pv-dbow"
     """Words of an object: `pv-dbow` adds words that bind class and position together, `pv-dm` does not."""
-
     wl_iterations: int = 2
     """How often labels are hashed with those of their neighbours; each time adds a word to an object."""
-
     coarse_px: int = 5
     """Width in pixels of the cells of an approximate position."""
 
@@ -110,7 +113,11 @@ def position_words(number: int, row: int, column: int, config: WordsConfig) -> t
 
 
 def wl_hashes(graph: SceneGraph, iterations: int) -> list[tuple[str, ...]]:
-    """Hash the surroundings of each object, as `neighbourhood_labels` does, and write the hashes as text.
+    """Hash the surroundings of each object (Weisfeiler and Lehman; §3.2.3, Fig. 3.7).
+
+    An object's label is its class number at first. Each iteration replaces it by the hash of itself and
+    the sorted labels of the neighbours, so that after ``k`` iterations it tells what lies within ``k``
+    edges. The hashes do not depend on the process, the order of objects or the lengths of edges.
 
     Parameters
     ----------
@@ -122,7 +129,37 @@ def wl_hashes(graph: SceneGraph, iterations: int) -> list[tuple[str, ...]]:
     Returns
     -------
     list of tuple of str
-        For each of ``n`` objects its hashes, 32 hexadecimal digits each, one an iteration.
+        For each of ``n`` objects its hashes, one an iteration: 32 hexadecimal digits, the 128-bit BLAKE2b digests
+        that networkx makes.
     """
-    labels = neighbourhood_labels(graph, iterations)
-    return [tuple(label.tobytes().decode("ascii") for label in one) for one in labels]
+    neighbours: list[list[int]] = [[] for _ in graph.classes]
+    for a, b in graph.edges.tolist():
+        neighbours[a].append(b)
+        neighbours[b].append(a)
+    labels = [str(number) for number in graph.classes.tolist()]
+    found = []
+    for _ in range(iterations):
+        labels = [
+            _digest(label + "".join(sorted([labels[j] for j in near])))
+            for label, near in zip(labels, neighbours, strict=True)
+        ]
+        found.append(labels)
+    return list(zip(*found, strict=True)) if found else [()] * len(labels)
+
+
+@lru_cache(maxsize=1 << 16)
+def word_hash(word: str, seed: int = 0) -> int:
+    """Hash one word to 64 bits: BLAKE2b, alike in every process; the seed selects the function."""
+    digest = hashlib.blake2b(word.encode(), digest_size=8, salt=seed.to_bytes(8, "little")).digest()
+    return int.from_bytes(digest, "little")
+
+
+def hash_words(sentences: list[tuple[str, ...]], seed: int) -> Hashes:
+    """Hash ``n`` sentences of ``k`` words each, ``(n, k)`` uint64, each word as its `word_hash`."""
+    hashes = [word_hash(word, seed) for sentence in sentences for word in sentence]
+    return np.array(hashes, np.uint64).reshape(len(sentences), -1 if hashes else 0)
+
+
+@lru_cache(maxsize=1 << 15)
+def _digest(text: str) -> str:
+    return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()

@@ -5,25 +5,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from semrl.core import Image, Objects, Observation, Sight, State
-from semrl.core.arrays import Arrays
-from semrl.perception.config import PerceptionConfig
 from semrl.perception.detection import label_image
 from semrl.perception.encoders.grey import IMAGES
 from semrl.perception.encoders.single_frames import SingleFrames
+from semrl.perception.encoders.through import ThroughPerception
 from semrl.perception.perception import Perception
 from semrl.perception.pretraining.stability import StabilityConfig
 from semrl.perception.pretraining.stages import ClustererStage, DetectorStage, ReducerStage, Stage
 
 
-class ClassesEncoder:
+class ClassesEncoder(ThroughPerception):
     """Shows the classes of the objects of each frame."""
 
     space = IMAGES
-
-    def __init__(self, config: PerceptionConfig, *, rom: str | None = None, planning: bool = False) -> None:
-        del planning
-        self.rom = rom
-        self.perception = Perception(config)
 
     @property
     def is_fitted(self) -> bool:
@@ -38,14 +32,6 @@ class ClassesEncoder:
     def begin(self) -> SingleFrames:
         """Begin an episode."""
         return SingleFrames(self._encode, lambda observation: look_at_classes(self.perception, observation))
-
-    def to_arrays(self) -> Arrays:
-        """Return what was learned."""
-        return self.perception.to_arrays()
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Take over what was learned."""
-        self.perception.from_arrays(arrays)
 
     def _encode(self, observation: Observation) -> State:
         return State(vector=class_image(self.perception, self.perception.detector.detect(observation.frame)))

@@ -7,7 +7,7 @@ import numpy as np
 
 from semrl.core import IMAGE_SIZE_PX, Floats, Observation, Sight, State, StateSpace, Tracks
 from semrl.core.arrays import Arrays, nest, unnest
-from semrl.perception.config import PerceptionConfig
+from semrl.perception.encoders.through import ThroughPerception
 from semrl.perception.perception import Perception
 from semrl.perception.pretraining.stability import StabilityConfig
 from semrl.perception.pretraining.stages import ClustererStage, DetectorStage, ReducerStage, SlotsStage, Stage
@@ -17,13 +17,10 @@ PERCENT = 0.01
 """Of the image: the unit in which people are shown places."""
 
 
-class ObjectsEncoder:
+class ObjectsEncoder(ThroughPerception):
     """Shows where the objects that move are: x, y and whether it is seen, for each role with a slot."""
 
-    def __init__(self, config: PerceptionConfig, *, rom: str | None = None, planning: bool = False) -> None:
-        del planning
-        self.rom = rom
-        self.perception = Perception(config, tracked=True)
+    tracked = True
 
     @property
     def space(self) -> StateSpace:
@@ -42,14 +39,6 @@ class ObjectsEncoder:
     def begin(self) -> "TrackedEpisode":
         """Begin an episode."""
         return TrackedEpisode(self.perception, lambda facts: State(vector=facts, facts=facts))
-
-    def to_arrays(self) -> Arrays:
-        """Return what was learned."""
-        return self.perception.to_arrays()
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Take over what was learned."""
-        self.perception.from_arrays(arrays)
 
 
 class TrackedEpisode:

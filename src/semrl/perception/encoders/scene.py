@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from semrl.core import Observation, SceneGraph, Sight, State, StateSpace
-from semrl.core.arrays import Arrays
-from semrl.perception.config import PerceptionConfig
+from semrl.core.protocols import Stateless
 from semrl.perception.embedding import build_scene_graph
 from semrl.perception.encoders.classes import look_at_classes
 from semrl.perception.encoders.single_frames import SingleFrames
+from semrl.perception.encoders.through import ThroughPerception
 from semrl.perception.perception import Perception
 from semrl.perception.pretraining.stability import StabilityConfig
 from semrl.perception.pretraining.stages import (
@@ -21,15 +21,16 @@ from semrl.perception.pretraining.stages import (
 )
 
 
-class SceneEncoder:
+class SceneEncoder(ThroughPerception):
     """Shows the embedded scene graph; planners reason about the same numbers."""
 
-    def __init__(self, config: PerceptionConfig, *, rom: str | None = None, planning: bool = False) -> None:
-        del planning
-        self.rom = rom
-        self.perception = Perception(config, embedded=True)
+    embedded = True
+
+    @property
+    def space(self) -> StateSpace:
+        """What its states have in common."""
         dimension = self.perception.embedder.dimension
-        self.space = StateSpace(shape=(dimension,), n_facts=dimension)
+        return StateSpace(shape=(dimension,), n_facts=dimension)
 
     @property
     def is_fitted(self) -> bool:
@@ -51,14 +52,6 @@ class SceneEncoder:
         """Begin an episode."""
         return SingleFrames(self._encode, self._look)
 
-    def to_arrays(self) -> Arrays:
-        """Return what was learned."""
-        return self.perception.to_arrays()
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Take over what was learned."""
-        self.perception.from_arrays(arrays)
-
     def _encode(self, observation: Observation) -> State:
         vector = self.perception.embedder.transform(self.perception.scene(observation.frame))
         return State(vector=vector, facts=vector)
@@ -74,7 +67,7 @@ class SceneEncoder:
         return replace(seen, edges=shown[scene.edges])
 
 
-class _Scenes:
+class _Scenes(Stateless):
     """The scenes of single frames."""
 
     def __init__(self, perception: Perception) -> None:
@@ -86,10 +79,3 @@ class _Scenes:
     def scene(self, observation: Observation) -> SceneGraph:
         """Write one frame."""
         return self._perception.scene(observation.frame)
-
-    def to_arrays(self) -> Arrays:
-        """Return nothing, which is what is remembered."""
-        return {}
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Remember nothing."""

@@ -1,12 +1,14 @@
-"""What encoders share that look at each frame by itself."""
+"""What encoders share that look at each frame by itself, and of them those that learn nothing."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from semrl.core import Observation, Sight, State
-from semrl.core.arrays import Arrays
+from semrl.core.protocols import Stateless
+from semrl.perception.pretraining.stability import StabilityConfig
+from semrl.perception.pretraining.stages import Stage
 
 
-class SingleFrames:
+class SingleFrames(Stateless):
     """An episode in which nothing is remembered from one observation to the next.
 
     Parameters
@@ -29,9 +31,14 @@ class SingleFrames:
         """Return what was seen in it."""
         return Sight() if self._newest is None else self._look(self._newest)
 
-    def to_arrays(self) -> Arrays:
-        """Return nothing, which is what is remembered."""
-        return {}
 
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Remember nothing."""
+class AsItIs(Stateless):
+    """An encoder that looks through nothing that is learned."""
+
+    perception = None
+    is_fitted = True
+
+    def stages(self, config: StabilityConfig) -> Sequence[Stage]:
+        """Return none."""
+        del config
+        return []

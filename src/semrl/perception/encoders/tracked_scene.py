@@ -6,24 +6,21 @@ import numpy as np
 
 from semrl.core import Floats, Observation, SceneGraph, State, StateSpace
 from semrl.core.arrays import Arrays
-from semrl.perception.config import PerceptionConfig
 from semrl.perception.encoders.objects import TrackedEpisode, listed_space, tracking_stages
+from semrl.perception.encoders.through import ThroughPerception
 from semrl.perception.perception import Perception
 from semrl.perception.pretraining.stability import StabilityConfig
 from semrl.perception.pretraining.stages import Stage, embedder_stages
 
 
-class TrackedSceneEncoder:
+class TrackedSceneEncoder(ThroughPerception):
     """Shows the embedded scene of tracked objects.
 
     Planners reason about the list of them, which is then shown as well: the vector of a predicted scene follows from
     the predicted list, while its own numbers are too many for trees.
     """
 
-    def __init__(self, config: PerceptionConfig, *, rom: str | None = None, planning: bool = False) -> None:
-        self.rom = rom
-        self.perception = Perception(config, tracked=True, embedded=True)
-        self.planning = planning
+    tracked = embedded = True
 
     @property
     def space(self) -> StateSpace:
@@ -48,14 +45,6 @@ class TrackedSceneEncoder:
     def embed(self, facts: Floats) -> Floats:
         """Embed the scene of a list, as it came or as it is predicted."""
         return self.perception.embedder.transform(self.perception.listed_scene(facts))
-
-    def to_arrays(self) -> Arrays:
-        """Return what was learned."""
-        return self.perception.to_arrays()
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Take over what was learned."""
-        self.perception.from_arrays(arrays)
 
     def _write(self, facts: Floats) -> State:
         if not self.planning:

@@ -8,7 +8,7 @@ import numpy as np
 
 from semrl.core import Observation, SceneGraph, Tracks
 from semrl.core.arrays import Arrays, arrays_to_ragged, nest, ragged_to_arrays, unnest
-from semrl.core.protocols import Persistent
+from semrl.core.protocols import Persistent, Saved
 from semrl.perception.embedding import build_scene_graph
 from semrl.perception.embedding.protocol import OnlineEmbedder
 from semrl.perception.perception import Perception
@@ -20,7 +20,7 @@ from semrl.perception.pretraining.stability import (
 )
 
 
-class Stage(ABC):
+class Stage(Saved, ABC):
     """One thing to learn before the next.
 
     Attributes
@@ -38,6 +38,7 @@ class Stage(ABC):
     name: str
     unit = "frames"
     target = 0
+    SAVED = ("batches_",)
 
     def __init__(self) -> None:
         self.batches_ = 0
@@ -56,14 +57,6 @@ class Stage(ABC):
     def measured(self) -> dict[str, Any]:
         """Return what there is to report after the last batch: columns of the metrics."""
         return {}
-
-    def to_arrays(self) -> Arrays:
-        """Return the state of the stage, without what perception has learned in it."""
-        return {"batches": np.array(self.batches_)}
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Go on where the stage was."""
-        self.batches_ = int(arrays["batches"])
 
 
 class PlayStage(Stage):
@@ -98,6 +91,7 @@ class _StableStage(Stage):
     """Train one estimator on the objects of each frame until its output is stable."""
 
     unit = "batches"
+    PARTS = ("test",)
 
     def __init__(self, perception: Perception, test: StabilityTest, max_batches: int) -> None:
         super().__init__()
@@ -108,15 +102,6 @@ class _StableStage(Stage):
     def measured(self) -> dict[str, Any]:
         """Return the value of the stability test at the last batch, once there is one."""
         return {"stability": self.test.values_[-1]} if self.test.values_ else {}
-
-    def to_arrays(self) -> Arrays:
-        """Return the state of the test as well."""
-        return {**super().to_arrays(), **nest(test=self.test.to_arrays())}
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Go on where the stage was."""
-        super().from_arrays(arrays)
-        self.test.from_arrays(unnest(arrays, "test"))
 
 
 class ReducerStage(_StableStage):
@@ -231,6 +216,7 @@ class _EmbedderStage(Stage):
 
     name = "embedding"
     unit = "documents"
+    PARTS = ("source",)
 
     def __init__(self, perception: Perception, source: SceneSource) -> None:
         super().__init__()
@@ -245,15 +231,6 @@ class _EmbedderStage(Stage):
 
     @abstractmethod
     def _study(self, scene: SceneGraph) -> bool: ...
-
-    def to_arrays(self) -> Arrays:
-        """Return where the episode stands as well."""
-        return {**super().to_arrays(), **nest(source=self.source.to_arrays())}
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Go on where the stage was."""
-        super().from_arrays(arrays)
-        self.source.from_arrays(unnest(arrays, "source"))
 
 
 class DocumentsStage(_EmbedderStage):

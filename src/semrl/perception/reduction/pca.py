@@ -68,14 +68,7 @@ class ObjectPCA:
         return np.asarray(self._pca.explained_variance_ratio_)
 
     def partial_fit(self, X: NDArray[Any]) -> Self:
-        """Learn from the unique rows among ``(n, d)``.
-
-        Raises
-        ------
-        DataError
-            Rows are not finite, not as long as those seen before, or shorter than the reduced ones; nothing is
-            learned then.
-        """
+        """Learn from the unique rows among ``(n, d)``."""
         self._check_rows(X)
         rows = np.unique(np.asarray(X, dtype=np.float64), axis=0)
         self._waiting = rows if self._waiting is None else np.concatenate([self._waiting, rows])
@@ -89,13 +82,7 @@ class ObjectPCA:
         return self
 
     def transform(self, X: NDArray[Any]) -> Floats:
-        """Project ``(n, d)`` rows on the components, ``(n, k)`` float32.
-
-        Raises
-        ------
-        DataError
-            Too little was learned yet, or as `partial_fit`.
-        """
+        """Project ``(n, d)`` rows on the components, ``(n, k)`` float32."""
         self._check_fitted()
         self._check_rows(X)
         rows = np.ascontiguousarray(X, dtype=np.float64)

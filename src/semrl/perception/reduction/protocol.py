@@ -25,11 +25,23 @@ class Reducer(Persistent, Protocol):
         ...
 
     def partial_fit(self, X: Floats) -> Self:
-        """Learn from the ``(n, k)`` objects of one frame."""
+        """Learn from the ``(n, k)`` objects of one frame.
+
+        Raises
+        ------
+        DataError
+            Rows are not finite, or not as long as those seen before or as is needed; nothing is learned then.
+        """
         ...
 
     def transform(self, X: Floats) -> Floats:
-        """Return ``(n, dimension)`` float32; learns nothing."""
+        """Return ``(n, dimension)`` float32; learns nothing.
+
+        Raises
+        ------
+        DataError
+            Too little was learned yet, or as `partial_fit`.
+        """
         ...
 
     def inverse_transform(self, X: NDArray[Any]) -> Floats:

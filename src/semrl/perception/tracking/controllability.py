@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.core import Floats, Ints
-from semrl.core.arrays import Arrays
+from semrl.core.protocols import Saved
 
 LAGS = 3
 """An action may show after so many decisions: what has inertia answers late."""
@@ -13,7 +13,7 @@ LEAST_STEPS = 5
 """For each action, on average; before, the largest of several ratios is a matter of chance."""
 
 
-class Controllability:
+class Controllability(Saved):
     """For each role, how much of the variance of its steps the actions explain.
 
     The correlation ratio η² is the variance between the mean steps of the actions, as a share of the whole
@@ -21,6 +21,8 @@ class Controllability:
     alone would explain is taken off: much of few steps by many actions (the adjusted ratio, ε², Kelley 1935). It is
     counted for rows and columns, and for the last action and the ones before it; the largest counts.
     """
+
+    SAVED = ("_counts", "_sums", "_squares", "_actions")
 
     def __init__(self) -> None:
         self._counts = np.zeros((0, LAGS, 2, 0))  # (roles, lags, axes, actions): steps
@@ -69,20 +71,6 @@ class Controllability:
         ratios = np.where(enough, adjusted, 0.0)
         shares[: len(ratios)] = ratios.max(axis=(1, 2), initial=0.0)
         return np.asarray(np.clip(shares, 0, 1))
-
-    def to_arrays(self) -> Arrays:
-        """Return what was counted, and the last actions."""
-        return {
-            "counts": self._counts.copy(),
-            "sums": self._sums.copy(),
-            "squares": self._squares.copy(),
-            "actions": np.array(self._actions, np.int64),
-        }
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Go on where `to_arrays` was called."""
-        self._counts, self._sums = arrays["counts"].copy(), arrays["sums"].copy()
-        self._squares, self._actions = arrays["squares"].copy(), arrays["actions"].tolist()
 
     def _grow(self, n_roles: int, n_actions: int) -> None:
         """Make room for more roles and actions."""

@@ -7,7 +7,7 @@ from scipy.optimize import linear_sum_assignment
 
 from semrl.core import IMAGE_SIZE_PX, Floats, Ints, Objects, Tracks
 from semrl.core.errors import UsageError
-from semrl.perception.tracking.following_kernels import NEVER, Seen, State, match_costs, move_on
+from semrl.perception.tracking.following_kernels import NO_MATCH, Seen, State, match_costs, move_on
 
 MOVED_PX = 0.2
 """What went farther than this in one decision has moved; a pixel of an Atari frame is 0.4 px high and 0.5 px wide."""
@@ -69,7 +69,7 @@ def follow(tracks: Tracks, objects: Objects, classes: Ints, features: Floats, co
     costs = match_costs(before, seen, config.gate_px, config.class_cost, config.appearance_cost)
     rows, columns = linear_sum_assignment(costs)
     partners = np.full(len(tracks), -1, np.int64)
-    partners[rows] = np.where(costs[rows, columns] < NEVER, columns, -1)
+    partners[rows] = np.where(costs[rows, columns] < NO_MATCH, columns, -1)
     after = move_on(before, seen, partners, int(tracks.born), config.unseen_decisions, MOVED_PX, IMAGE_SIZE_PX - 1)
     born = max(int(tracks.born), int(after.ids[-1]) + 1) if len(after.ids) else int(tracks.born)
     return Tracks(**after._asdict(), born=np.array(born))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from semrl.core import Floats, Ints
 from semrl.core.kernels import compiled
 
-NEVER = 1e6
+NO_MATCH = 1e6
 """What it costs to take an object for a track that it cannot be."""
 
 TURN_PX = 2.0
@@ -60,7 +60,7 @@ def match_costs(
             if seen.classes[j] != tracks.classes[i]:
                 costs[i, j] += class_cost
             if distance > gate_px:
-                costs[i, j] = NEVER
+                costs[i, j] = NO_MATCH
     return costs
 
 

@@ -6,13 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.core import Floats, Ints, Tracks
-from semrl.core.arrays import Arrays
 from semrl.core.kernels import compiled
+from semrl.core.protocols import Saved
 
 NEVER = 1e6
 """What it costs to give a track a role that it cannot have."""
 
-_NAMES = ("classes", "means", "deviations", "moves", "together")
 _WIDTH_PX, _WIDTH_COUNT = 20.0, 30
 """Before a role was seen much it is believed to stay within such a deviation, as if seen so many times."""
 
@@ -31,28 +30,20 @@ _KEEPS, _GIVES_UP, _MOST_UNREST, _MOST_NEW = 2.0, 2.0, 4.0, 6.0
 
 
 class Known(NamedTuple):
-    """What tracks are measured against, for k roles.
-
-    Attributes
-    ----------
-    roles
-        ``(k,)`` int64, their numbers.
-    surprises
-        ``(k, c + 1)``, minus the logarithm of the share of each class, the last for all classes never seen.
-    means_px, variances
-        ``(k, 2)``, of the centres.
-    mobilities
-        ``(k,)``, share of the decisions at which it moves.
-    """
+    """What tracks are measured against, for k roles."""
 
     roles: Ints
+    """``(k,)`` int64, their numbers."""
     surprises: NDArray[np.float64]
+    """``(k, c + 1)``, minus the logarithm of the share of each class, the last for all classes never seen."""
     means_px: NDArray[np.float64]
     variances: NDArray[np.float64]
+    """``(k, 2)``, of the centres."""
     mobilities: NDArray[np.float64]
+    """``(k,)``, share of the decisions at which it moves."""
 
 
-class SlotStatistics:
+class SlotStatistics(Saved):
     """Counts of each role, from which the likelihood of a track follows (naive Bayes).
 
     Attributes
@@ -68,6 +59,8 @@ class SlotStatistics:
     together
         ``(r, r)`` float64, frames in which each two were seen; on the diagonal, each.
     """
+
+    SAVED = ("classes", "means", "deviations", "moves", "together")
 
     def __init__(self) -> None:
         self.classes: NDArray[np.float64] = np.zeros((0, 0))
@@ -146,15 +139,6 @@ class SlotStatistics:
             variances=(self.deviations[roles] + _WIDTH_COUNT * _WIDTH_PX**2) / (seen + _WIDTH_COUNT),
             mobilities=(self.moves[roles, 0] + 1) / (self.moves[roles, 1] + 2),
         )
-
-    def to_arrays(self) -> Arrays:
-        """Return all counts."""
-        return {name: getattr(self, name).copy() for name in _NAMES}
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Go on where `to_arrays` was called."""
-        for name in _NAMES:
-            setattr(self, name, arrays[name].copy())
 
 
 def costs(tracks: Tracks, known: Known) -> NDArray[np.float64]:

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from semrl.core import IMAGE_SIZE_PX, Floats, Ints, Tracks
-from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.errors import DataError, UsageError
 from semrl.core.kernels import compiled
+from semrl.core.protocols import Saved
 from semrl.perception.tracking.controllability import Controllability
 from semrl.perception.tracking.following import MOVED_PX
 from semrl.perception.tracking.slot_statistics import LEAST_MOVING_SHARE, NEVER, STEADY_DECISIONS, SlotStatistics, costs
@@ -47,7 +47,7 @@ class SlotAssignerConfig:
             raise UsageError(f"roles.frames and roles.slots must be 1 or more, not {self.frames} and {self.slots}")
 
 
-class SlotAssigner:
+class SlotAssigner(Saved):
     """Parts that objects play again and again, and the fixed vector that tells of them.
 
     Identities end with an episode, and sooner where an object leaves the image; a role stays. It is known by its
@@ -57,11 +57,6 @@ class SlotAssigner:
     that move are given slots, ordered by kind, the older first; what stands still gets none. Whether the actions move
     it is measured as well: see `Controllability`.
 
-    Parameters
-    ----------
-    config
-        See `SlotAssignerConfig`.
-
     Attributes
     ----------
     frames_ : int
@@ -69,6 +64,8 @@ class SlotAssigner:
     slots_ : ndarray
         ``(k,)`` int64, the role in each slot, at most ``slots``; empty while roles are still being learned.
     """
+
+    SAVED, PARTS = ("frames_", "slots_"), ("_statistics", "_controllability")
 
     def __init__(self, config: SlotAssignerConfig | None = None) -> None:
         self.config = config or SlotAssignerConfig()
@@ -198,23 +195,7 @@ class SlotAssigner:
         seen = slots[:, 2] > 0.5
         return self._slot_kinds[seen], slots[seen, 1::-1] * np.float32(IMAGE_SIZE_PX - 1)
 
-    def to_arrays(self) -> Arrays:
-        """Return what was counted."""
-        return {
-            "frames": np.array(self.frames_),
-            "slots": self.slots_.copy(),
-            **nest(
-                habits=self._statistics.to_arrays(),
-                influence=self._controllability.to_arrays(),
-            ),
-        }
-
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Go on where `to_arrays` was called."""
-        self.frames_ = int(arrays["frames"])
-        self.slots_ = arrays["slots"].copy()
-        self._statistics.from_arrays(unnest(arrays, "habits"))
-        self._controllability.from_arrays(unnest(arrays, "influence"))
+    def _restored(self) -> None:
         self._know()
 
     @property

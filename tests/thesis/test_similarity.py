@@ -3,7 +3,8 @@ import pytest
 
 from semrl.core import SceneGraph
 from semrl.core.errors import DataError
-from semrl.perception.embedding import HashedEmbedding, HashedEmbeddingConfig, build_scene_graph, retrieval
+from semrl.perception.embedding import HashedEmbedding, HashedEmbeddingConfig, build_scene_graph
+from semrl_thesis import similarity as retrieval
 
 
 def ball(row: float, column: float) -> SceneGraph:

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semrl.agents.tabular import QLearning, QLearningConfig, Values, argmax, check_shares
 from semrl.core import Ints
 from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.errors import UsageError
 from semrl.envs.maze import MAZE_SIDE_TILES, ROOM_SIDE_TILES
+from semrl_thesis.tabular import QLearning, QLearningConfig, Values, argmax, check_shares
 
 
 def _room_maps() -> tuple[Ints, Ints]:

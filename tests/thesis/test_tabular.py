@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from semrl.agents.hierarchy import LOCAL_TILE, ROOM_OF, ROOM_TURNS, MazeHierarchy, MazeHierarchyConfig
-from semrl.agents.tabular import QLearning, QLearningConfig, train
 from semrl.core.arrays import digest
 from semrl.core.errors import DataError, UsageError
 from semrl.envs.maze import N_TILES, OUTSIDE, TRANSITIONS, FourRooms, shortest_steps
+from semrl_thesis.hierarchy import LOCAL_TILE, ROOM_OF, ROOM_TURNS, MazeHierarchy, MazeHierarchyConfig
+from semrl_thesis.tabular import QLearning, QLearningConfig, train
 
 SEEDS = [0, 1, 2]
 

@@ -7,7 +7,7 @@ import pytest
 from sklearn.metrics import davies_bouldin_score, silhouette_score
 
 from semrl.core.errors import DataError
-from semrl.perception.clustering import indices
+from semrl_thesis import cluster_indices as indices
 
 
 @pytest.fixture

@@ -107,7 +107,7 @@ class QLearning:
 
 
 class Learner(Protocol):
-    """What learns in a table: `QLearning`, or `semrl.agents.hierarchy.MazeHierarchy`."""
+    """What learns in a table: `QLearning`, or `semrl_thesis.hierarchy.MazeHierarchy`."""
 
     def act(self, state: int, rng: np.random.Generator) -> int:
         """Choose an action."""

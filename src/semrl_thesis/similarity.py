@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from semrl.core import Floats, Ints, SceneGraph
 from semrl.core.errors import DataError
-from semrl.perception.embedding.graph_distance import graph_distances, nearest_graphs
 from semrl.perception.embedding.protocol import Embedder
+from semrl_thesis.graph_distance import graph_distances, nearest_graphs
 
 _BLOCK = 1 << 24
 """Similarities computed at once."""

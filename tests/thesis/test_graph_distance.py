@@ -5,13 +5,8 @@ from hypothesis import strategies as st
 
 from semrl.core import SceneGraph
 from semrl.core.errors import DataError, UsageError
-from semrl.perception.embedding import (
-    GraphDistanceConfig,
-    build_scene_graph,
-    graph_distance,
-    graph_distances,
-    nearest_graphs,
-)
+from semrl.perception.embedding import build_scene_graph
+from semrl_thesis.graph_distance import GraphDistanceConfig, graph_distance, graph_distances, nearest_graphs
 
 
 def scene(*objects: tuple[int, float, float]) -> SceneGraph:
