@@ -51,11 +51,11 @@ def test_people_are_told(call, map_run, monkeypatch):
     told = next(e for e in (explain(map_run, episode=2, step=k, seed=5) for k in range(45)) if e.path)
     result = call("explain", map_run, "--episode", 2, "--step", told.step, "--seed", 5)
     assert result.status == 0 and "written" not in result.out
-    for said in (telling.seen, telling.place, telling.way, telling.otherwise, telling.deed, telling.aftermath):
+    for said in (telling.seen, telling.place, telling.way, telling.otherwise, telling.choice, telling.rollout):
         assert said(told) in result.out
     for scenario in told.scenarios:
         assert telling.compact(scenario.actions) in result.out
-    assert told.reason in result.out and f"Why {told.deed.action}?" in result.out
+    assert told.reason in result.out and f"Why {told.choice.action}?" in result.out
 
 
 def test_the_page_is_written(call, map_run, tmp_path):

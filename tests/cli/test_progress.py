@@ -12,7 +12,7 @@ from semrl.cli import progress
 from semrl.cli.progress import PlayProgress, show_summary, working
 from semrl.core.errors import SemrlError, UsageError
 from semrl.evaluation import load_player
-from semrl.training import RunFolder, train
+from semrl.training import RunFolder, build_trainer, train
 from semrl.training.session import _Session
 
 NAMES = ["a run", "it's", "much/" + "deeper/" * 30 + "run", "$HOME;ls", "Ω→"]
@@ -42,7 +42,7 @@ def test_how_to_go_on_can_be_pasted(tmp_path, tiny, name):
     with pytest.raises(UsageError) as refused:
         RunFolder.create(run, config)
     said.append(str(refused.value).partition("(")[2].rpartition(")")[0])
-    session = _Session(new, config, [])
+    session = _Session(new, config, build_trainer(config), [])
     session._stop(2, None)
     with pytest.raises(SemrlError) as stopped:
         session.run()

@@ -45,16 +45,16 @@ def test_it_is_the_decision_that_an_evaluation_takes(map_run, policy):
     player, steps = played(map_run, policy=policy)
     for k in STEPS:
         told = explain(map_run, episode=1, step=k, policy=policy)
-        assert told.deed.action == NAMES[steps[k + 1].action]
-        assert told.deed.action == getattr(told.deed, policy) and not told.deed.by_chance
+        assert told.choice.action == NAMES[steps[k + 1].action]
+        assert told.choice.action == getattr(told.choice, policy) and not told.choice.by_chance
         assert told.return_so_far == steps[k].total
         np.testing.assert_array_equal(told.frame, steps[k].observation.frame)
         _, sight = look(player.encoder.begin(), steps[k].observation)
         np.testing.assert_array_equal(told.sight.boxes_px, sight.boxes_px)
         values = player.agent.action_values(steps[k].shown)
-        assert list(told.deed.values) == list(NAMES)
-        np.testing.assert_allclose(list(told.deed.values.values()), values, rtol=1e-5)
-        assert told.deed.agent == NAMES[values.argmax()]
+        assert list(told.choice.values) == list(NAMES)
+        np.testing.assert_allclose(list(told.choice.values.values()), values, rtol=1e-5)
+        assert told.choice.agent == NAMES[values.argmax()]
 
 
 def test_chance_is_told(hasty_run):
@@ -101,7 +101,7 @@ def test_scenarios_are_sorted_and_those_of_the_planner(map_run):
         assert returns == sorted(returns, reverse=True) == plan.returns[:5].tolist()
         assert told.n_scenarios == 2**HORIZON and [scenario.rank for scenario in told.scenarios] == [1, 2, 3, 4, 5]
         assert len({scenario.actions for scenario in told.scenarios}) == 5
-        assert told.deed.planner == told.scenarios[0].actions[0] and told.reason
+        assert told.choice.planner == told.scenarios[0].actions[0] and told.reason
         for i, scenario in enumerate(told.scenarios):
             assert len(scenario.actions) == len(scenario.rewards) == HORIZON
             assert scenario.predicted_return == sum(scenario.rewards)  # nothing is discounted here
@@ -148,7 +148,7 @@ def test_the_plan_features_are_what_the_agent_was_shown(map_run):
 def test_what_came_is_what_was_played(map_run):
     _, steps = played(map_run)
     for k in STEPS:
-        came = explain(map_run, episode=1, step=k).aftermath
+        came = explain(map_run, episode=1, step=k).rollout
         after = steps[k : k + HORIZON + 1]
         actions = [step.action for step in after[1:]]
         assert came.actions == tuple(NAMES[action] for action in actions)
@@ -162,7 +162,7 @@ def test_what_came_is_what_was_played(map_run):
 def test_the_last_decisions_of_an_episode(map_run):
     _, steps = played(map_run)
     last = len(steps) - 2
-    came = [explain(map_run, episode=1, step=k).aftermath for k in range(last - HORIZON, last + 1)]
+    came = [explain(map_run, episode=1, step=k).rollout for k in range(last - HORIZON, last + 1)]
     assert [len(one.actions) for one in came] == [len(one.predicted) for one in came] == [3, 3, 2, 1]
     assert [one.ended for one in came] == [False, True, True, True]
 

@@ -71,7 +71,7 @@ def encoder(request: pytest.FixtureRequest) -> tuple[str, Encoder]:
         otsu=replace(config.otsu, threshold_frames=10),
         scene=replace(config.scene, scenery_frames=60),
         foreground=replace(config.foreground, background_frames=100),
-        roles=replace(config.slot_assigner, frames=100),
+        slot_assigner=replace(config.slot_assigner, frames=100),
     )
     encoder = ENCODERS.load(request.param)(config)
     game, rng = Game(make_env(), seed=0), np.random.default_rng(0)

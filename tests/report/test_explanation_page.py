@@ -41,7 +41,7 @@ def test_everything_is_on_the_page(told, tmp_path):
     text = write_explanation(told, tmp_path / "why.html").read_text()
     page = Wellformed(text)
     said = words(page)
-    assert f"Why {told.deed.action}?" in said and told.reason in said and telling.choice(told) in said
+    assert f"Why {told.choice.action}?" in said and told.reason in said and telling.shown_scenarios(told) in said
     assert telling.otherwise(told) in said
     for scenario in told.scenarios:
         assert f'aria-label="{telling.compact(scenario.actions)}: {telling.rewards(scenario.rewards)}"' in text
@@ -153,5 +153,5 @@ def test_actions_in_short():
 def test_who_wanted_what(told, policy, agent, planner, said):
     values = {"LEFT": 1.0, "RIGHT": -0.5}
     by_chance = {"agent": agent, "planner": planner}[policy] != "LEFT"
-    deed = replace(told.deed, action="LEFT", agent=agent, planner=planner, by_chance=by_chance, values=values)
-    assert telling.choice(replace(told, policy=policy, exploration=0.01, choice=deed)).endswith(said)
+    choice = replace(told.choice, action="LEFT", agent=agent, planner=planner, by_chance=by_chance, values=values)
+    assert telling.choice(replace(told, policy=policy, exploration=0.01, choice=choice)).endswith(said)

@@ -119,7 +119,7 @@ def test_weights_that_are_no_numbers_are_never_saved(tmp_path, tiny, milestones)
             if trainer.decisions_ == 60:
                 next(trainer.agent.network.parameters()).data.fill_(np.nan)
 
-    config = replace(tiny(dqn__initial_buffer=10_000, decisions=75), milestones=milestones)
+    config = replace(tiny(dqn__learning_starts=10_000, decisions=75), milestones=milestones)
     with pytest.raises(SemrlError, match="no longer numbers"):
         train(path, config, observers=[Spoiler(0, None)])
     assert int(RunFolder.open(path).load().arrays["decisions"]) < 60

@@ -17,7 +17,7 @@ class NetworkConfig:
     layer_norm: bool = False
     """Normalise each dense layer before its activation (Ba et al. 2016)."""
     normalise_input: bool = False
-    """Bring each number of a vector to mean 0 and standard deviation 1, as measured on the initial buffer."""
+    """Bring each number of a vector to mean 0 and standard deviation 1, as measured when learning starts."""
     frequencies: int = 0
     """Show each number of a vector as sines and cosines as well, of so many frequencies, each twice the one before."""
 

@@ -128,7 +128,7 @@ def _episodes(
 
 
 def _compare(world: WorldModel, steps: Sequence[Step], spans: Spans, confusion: NDArray[np.int64]) -> None:
-    """Foresee every decision of an episode, and what is some decisions ahead of it."""
+    """Predict every decision of an episode, and what is some decisions ahead of it."""
     histories = [step.record.history for step in steps if step.record]
     actions = np.array([step.action for step in steps[1:]])
     rewards = np.sign([step.reward for step in steps[1:]]).astype(int)

@@ -34,8 +34,8 @@ class Perception:
 
     Attributes
     ----------
-    detector, reducer, clusterer, scenery, roles
-        The boxes; scenery is of single frames, roles are of tracked objects.
+    detector, reducer, clusterer, scenery, slot_assigner
+        The boxes; scenery is of single frames, the slot assigner of tracked objects.
     """
 
     def __init__(self, config: PerceptionConfig, *, tracked: bool = False, embedded: bool = False) -> None:

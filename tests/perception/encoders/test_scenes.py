@@ -87,7 +87,7 @@ def test_the_vector_of_a_tracked_scene_follows_from_the_list_of_what_moves(track
     steps, seen = list(player.episode(0, 1)), player.encoder.perception
     dimension, met = seen.embedder.dimension, 0
     for step in steps:
-        classes, centres = seen.roles.read(step.state.facts)
+        classes, centres = seen.slot_assigner.read(step.state.facts)
         scene = build_scene_graph(classes, centres, seen.config.scene.proximity_px)
         np.testing.assert_array_equal(step.state.vector[:dimension], seen.embedder.transform(scene))
         np.testing.assert_array_equal(step.state.vector[dimension:], step.state.facts)

@@ -44,7 +44,7 @@ class SlotAssignerConfig:
 
     def __post_init__(self) -> None:
         if self.frames < 1 or self.slots < 1:
-            raise UsageError(f"roles.frames and roles.slots must be 1 or more, not {self.frames} and {self.slots}")
+            raise UsageError(f"slot_assigner.frames and .slots must be 1 or more, not {self.frames} and {self.slots}")
 
 
 class SlotAssigner(Saved):
