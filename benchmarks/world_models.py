@@ -35,14 +35,16 @@ World = Literal["catch", "pong"]
 SETTINGS: dict[World, dict[str, Any]] = {
     "catch": {
         "env": "semrl/Catch-v0",
-        "vae": VAEConfig(channels=(8, 16, 32, 32)),
+        "vae": VAEConfig(channels=(8, 16, 32, 32), updates=800),
         "mdn_rnn": MDNRNNConfig(hidden_size=64, sequence_decisions=24),
-        "dream": DreamConfig(horizon_decisions=45),
+        "controller": ControllerConfig(dreams=32),
+        "dream": DreamConfig(horizon_decisions=15),
     },
     "pong": {
         "env": "PongNoFrameskip-v4",
         "environment": EnvironmentConfig(max_noops=30),
-        "vae": VAEConfig(channels=(8, 16, 32, 32), updates=10_000),
+        # The ball covers one pixel of 64 × 64: with less weight, telling its place costs more than it is worth.
+        "vae": VAEConfig(channels=(8, 16, 32, 32), pixel_weight=32.0, updates=10_000, learning_rate=5e-4),
         "mdn_rnn": MDNRNNConfig(hidden_size=128, sequence_decisions=64, updates=4000),
         "controller": ControllerConfig(generations=200),
         "dream": DreamConfig(horizon_decisions=150),
