@@ -43,7 +43,7 @@ def test_the_mixture_beats_one_gaussian_and_knows_reward_and_end():
     likelihoods = {}
     for mixtures in (1, 3):
         config = MDNRNNConfig(
-            hidden_size=24, mixtures=mixtures, sequence_decisions=20, batch_size=16, updates=250, learning_rate=1e-2
+            hidden_size=24, mixtures=mixtures, sequence_decisions=20, batch_size=16, updates=250, learning_rate=3e-2
         )
         model = MDNRNN(config, 1, 2, seed=0).fit(episodes)
         likelihoods[mixtures] = np.mean([told.log_likelihood(z) for told, z, _, _ in told_of(model, held_out)])

@@ -19,13 +19,13 @@ TINY = VAEConfig(latent_size=4, channels=(4, 4, 8, 8), batch_size=16, updates=2)
 def frames():
     seen = []
     game = Game(make_env("semrl/Catch-v0", EnvironmentConfig()), 0)
-    random_rollouts(game, 160, 0, lambda _i, frame: seen.append(shrink(frame)))
+    random_rollouts(game, 200, 0, lambda _i, frame: seen.append(shrink(frame)))
     return np.stack(seen)
 
 
 def test_v_draws_catch_better_than_the_mean_image(frames):
-    learned, held_out = frames[:120], frames[120:]
-    config = VAEConfig(latent_size=4, channels=(8, 16, 16, 16), batch_size=16, updates=150)
+    learned, held_out = frames[:160], frames[160:]
+    config = VAEConfig(latent_size=16, channels=(8, 16, 16, 16), batch_size=16, updates=260)
     vae = VAE(config, seed=0).fit(learned)
     of_vae, of_mean = reconstruction_errors(vae, held_out)
     assert of_vae < 0.8 * of_mean
