@@ -19,8 +19,9 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from semrl.errors import SemrlError, UsageError
-from semrl.experiments.world_models import (
+from semrl.core.errors import SemrlError, UsageError
+from semrl.envs import EnvironmentConfig
+from semrl_thesis.world_models import (
     ControllerConfig,
     DreamConfig,
     MDNRNNConfig,
@@ -28,7 +29,6 @@ from semrl.experiments.world_models import (
     WorldModels,
     WorldModelsConfig,
 )
-from semrl.state import EnvironmentConfig
 
 World = Literal["catch", "pong"]
 

@@ -9,10 +9,10 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from semrl.arrays import Arrays
-from semrl.errors import DataError, SemrlError, UsageError
-from semrl.experiments.world_models.weights import load_arrays, seeded, to_arrays
-from semrl.types import Floats, Ints
+from semrl.core import Floats, Ints
+from semrl.core.arrays import Arrays
+from semrl.core.errors import DataError, SemrlError, UsageError
+from semrl_thesis.world_models.weights import load_arrays, seeded, to_arrays
 
 State = tuple[Tensor, Tensor]
 """Hidden and cell state of the LSTM, each ``(b, hidden_size)``."""

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from semrl.arrays import digest
-from semrl.errors import DataError, UsageError
-from semrl.experiments.world_models.play import random_rollouts, shrink
-from semrl.experiments.world_models.vae import VAE, VAEConfig, negative_bound, reconstruction_errors
-from semrl.state import EnvironmentConfig, Game, make_env
+from semrl.core.arrays import digest
+from semrl.core.errors import DataError, UsageError
+from semrl.envs import EnvironmentConfig, Game, make_env
+from semrl_thesis.world_models.play import random_rollouts, shrink
+from semrl_thesis.world_models.vae import VAE, VAEConfig, negative_bound, reconstruction_errors
 
 TINY = VAEConfig(latent_size=4, channels=(4, 4, 8, 8), batch_size=16, updates=2)
 

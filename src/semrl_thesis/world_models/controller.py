@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semrl.arrays import Arrays
-from semrl.errors import DataError, MissingExtraError, UsageError
-from semrl.types import Floats, Ints
+from semrl.core import Floats, Ints
+from semrl.core.arrays import Arrays
+from semrl.core.errors import DataError, MissingExtraError, UsageError
 
 Parameters = NDArray[np.float64]
 """Weights and offsets of one controller, ``(n,)``, or of several, ``(p, n)``."""

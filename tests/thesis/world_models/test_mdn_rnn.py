@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from semrl.arrays import digest
-from semrl.errors import DataError, UsageError
-from semrl.experiments.world_models.mdn_rnn import MDNRNN, LatentEpisode, MDNRNNConfig, Prediction
+from semrl.core.arrays import digest
+from semrl.core.errors import DataError, UsageError
+from semrl_thesis.world_models.mdn_rnn import MDNRNN, LatentEpisode, MDNRNNConfig, Prediction
 
 TINY = MDNRNNConfig(hidden_size=8, mixtures=2, sequence_decisions=6, batch_size=4, updates=3)
 

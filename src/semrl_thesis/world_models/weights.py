@@ -6,7 +6,7 @@ from typing import TypeVar
 import torch
 from torch import nn
 
-from semrl.arrays import Arrays
+from semrl.core.arrays import Arrays
 
 Module = TypeVar("Module", bound=nn.Module)
 

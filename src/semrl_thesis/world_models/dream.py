@@ -8,9 +8,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from semrl.errors import UsageError
-from semrl.experiments.world_models.controller import Parameters, split
-from semrl.experiments.world_models.mdn_rnn import LatentEpisode, Prediction, State
+from semrl.core.errors import UsageError
+from semrl_thesis.world_models.controller import Parameters, split
+from semrl_thesis.world_models.mdn_rnn import LatentEpisode, Prediction, State
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,12 +11,16 @@ from typing import Any
 import numpy as np
 import torch
 
-from semrl.arrays import Arrays, arrays_to_ragged, nest, unnest
-from semrl.errors import UsageError
-from semrl.experiments.world_models.controller import ControllerConfig, LinearController, evolve, parameter_count
-from semrl.experiments.world_models.dream import Dream, DreamConfig, moments
-from semrl.experiments.world_models.mdn_rnn import MDNRNN, LatentEpisode, MDNRNNConfig
-from semrl.experiments.world_models.play import (
+from semrl.core import Frame
+from semrl.core.arrays import Arrays, arrays_to_ragged, nest, unnest
+from semrl.core.errors import UsageError
+from semrl.core.files import make_folder, read_arrays, write_arrays, write_text
+from semrl.envs import EnvironmentConfig, Game, make_env
+from semrl.training.session import limited_threads
+from semrl_thesis.world_models.controller import ControllerConfig, LinearController, evolve, parameter_count
+from semrl_thesis.world_models.dream import Dream, DreamConfig, moments
+from semrl_thesis.world_models.mdn_rnn import MDNRNN, LatentEpisode, MDNRNNConfig
+from semrl_thesis.world_models.play import (
     Player,
     Rollout,
     arrays_to_rollouts,
@@ -26,11 +30,7 @@ from semrl.experiments.world_models.play import (
     shrink,
     test_returns,
 )
-from semrl.experiments.world_models.vae import SIDE_PX, VAE, VAEConfig, reconstruction_errors
-from semrl.runs.files import make_folder, read_arrays, write_arrays, write_text
-from semrl.runs.session import limited_threads
-from semrl.state import EnvironmentConfig, Game, make_env
-from semrl.types import Frame
+from semrl_thesis.world_models.vae import SIDE_PX, VAE, VAEConfig, reconstruction_errors
 
 TEST_SEED = 1_000_000
 """Added to a run's seed for the games of the test."""

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 import torch
 
-from semrl.errors import DataError, UsageError
-from semrl.experiments.world_models.controller import (
+from semrl.core.errors import DataError, UsageError
+from semrl_thesis.world_models.controller import (
     ControllerConfig,
     LinearController,
     evolve,
     parameter_count,
     split,
 )
-from semrl.experiments.world_models.dream import Dream, DreamConfig, moments
-from semrl.experiments.world_models.mdn_rnn import MDNRNN, LatentEpisode, MDNRNNConfig, Prediction
+from semrl_thesis.world_models.dream import Dream, DreamConfig, moments
+from semrl_thesis.world_models.mdn_rnn import MDNRNN, LatentEpisode, MDNRNNConfig, Prediction
 
 pytest.importorskip("cma")
 

@@ -8,10 +8,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from semrl.arrays import Arrays
-from semrl.errors import DataError, SemrlError, UsageError
-from semrl.experiments.world_models.weights import load_arrays, seeded, to_arrays
-from semrl.types import Floats
+from semrl.core import Floats
+from semrl.core.arrays import Arrays
+from semrl.core.errors import DataError, SemrlError, UsageError
+from semrl_thesis.world_models.weights import load_arrays, seeded, to_arrays
 
 SIDE_PX = 64
 """Height and width of the frames that V sees."""

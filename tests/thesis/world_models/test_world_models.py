@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from semrl.arrays import digest
-from semrl.errors import SemrlError, UsageError
-from semrl.experiments.world_models import (
+from semrl.core.arrays import digest
+from semrl.core.errors import SemrlError, UsageError
+from semrl.core.files import read_arrays
+from semrl.envs import EnvironmentConfig, Game, make_env
+from semrl_thesis.world_models import (
     ControllerConfig,
     DreamConfig,
     MDNRNNConfig,
@@ -18,9 +20,7 @@ from semrl.experiments.world_models import (
     WorldModels,
     WorldModelsConfig,
 )
-from semrl.experiments.world_models.play import arrays_to_rollouts, frames_of, random_rollouts, rollouts_to_arrays
-from semrl.runs.files import read_arrays
-from semrl.state import EnvironmentConfig, Game, make_env
+from semrl_thesis.world_models.play import arrays_to_rollouts, frames_of, random_rollouts, rollouts_to_arrays
 
 pytest.importorskip("cma")
 

@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from semrl.arrays import Arrays, arrays_to_ragged, ragged_to_arrays
-from semrl.experiments.world_models.vae import SIDE_PX
-from semrl.state import Game, Played
-from semrl.types import Floats, Frame, Ints
+from semrl.core import Floats, Frame, Ints
+from semrl.core.arrays import Arrays, arrays_to_ragged, ragged_to_arrays
+from semrl.envs import Game, Played
+from semrl_thesis.world_models.vae import SIDE_PX
 
 
 @dataclass(frozen=True, kw_only=True)
