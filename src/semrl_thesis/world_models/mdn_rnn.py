@@ -12,7 +12,8 @@ from torch import Tensor, nn
 from semrl.core import Floats, Ints
 from semrl.core.arrays import Arrays
 from semrl.core.errors import DataError, SemrlError, UsageError
-from semrl_thesis.world_models.weights import load_arrays, seeded, to_arrays
+from semrl.core.networks import arrays_to_module, module_to_arrays
+from semrl_thesis.world_models.weights import seeded
 
 State = tuple[Tensor, Tensor]
 """Hidden and cell state of the LSTM, each ``(b, hidden_size)``."""
@@ -168,11 +169,11 @@ class MDNRNN:
 
     def to_arrays(self) -> Arrays:
         """Return the weights."""
-        return to_arrays(self.network)
+        return module_to_arrays(self.network)
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Become what `to_arrays` was called on."""
-        load_arrays(self.network, arrays)
+        arrays_to_module(self.network, arrays)
 
 
 class _Network(nn.Module):

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from semrl.core import Floats, Frame, Ints
 from semrl.core.arrays import Arrays, arrays_to_ragged, ragged_to_arrays
 from semrl.envs import Game, Played
+from semrl.training.loop import Frames
+from semrl.training.stored_play import play_again
 from semrl_thesis.world_models.vae import SIDE_PX
 
 
@@ -75,8 +77,8 @@ def random_rollouts(
 
 def frames_of(game: Game, rollout: Rollout) -> NDArray[np.uint8]:
     """Play a rollout again; return its small frames, ``(t + 1, 64, 64, 3)``."""
-    again = game.again(Played(seed=rollout.seed, actions=rollout.actions))
-    return np.stack([shrink(observation.frame) for observation, _, _ in again])
+    again = play_again(game, Frames(), Played(seed=rollout.seed, actions=rollout.actions))
+    return np.stack([shrink(step.observation.frame) for step in again])
 
 
 def test_returns(game: Game, episodes: int, player: Callable[[], "Player"]) -> Iterator[float]:

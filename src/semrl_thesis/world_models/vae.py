@@ -11,7 +11,8 @@ from torch import Tensor, nn
 from semrl.core import Floats
 from semrl.core.arrays import Arrays
 from semrl.core.errors import DataError, SemrlError, UsageError
-from semrl_thesis.world_models.weights import load_arrays, seeded, to_arrays
+from semrl.core.networks import arrays_to_module, module_to_arrays
+from semrl_thesis.world_models.weights import seeded
 
 SIDE_PX = 64
 """Height and width of the frames that V sees."""
@@ -126,11 +127,11 @@ class VAE:
 
     def to_arrays(self) -> Arrays:
         """Return the weights."""
-        return to_arrays(self.network)
+        return module_to_arrays(self.network)
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Become what `to_arrays` was called on."""
-        load_arrays(self.network, arrays)
+        arrays_to_module(self.network, arrays)
 
 
 def negative_bound(logits: Tensor, seen: Tensor, mean: Tensor, log_var: Tensor, pixel_weight: float) -> Tensor:
