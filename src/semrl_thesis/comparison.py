@@ -176,9 +176,9 @@ TINY = {
 """Perception and embeddings that learn in a second."""
 
 RUNS: dict[Scale, tuple[RunSpec, ...]] = {
-    "full": _agents(200_000, list(CANDIDATES)),
+    "full": _agents(50_000, list(CANDIDATES)),
     "quick": (),
-    "tiny": _agents(2_400, ["slots"], TINY | {"dqn": {"network": {"hidden_units": [8]}}}),
+    "tiny": _agents(600, ["slots"], TINY | {"dqn": {"network": {"hidden_units": [8]}}}),
 }
 
 EXPERIMENT = Experiment(
