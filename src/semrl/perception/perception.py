@@ -47,7 +47,7 @@ class Perception:
         self.scenery = Scenery()
         self.slot_assigner = SlotAssigner(config.slot_assigner)
         self._embedder = EMBEDDERS.make(config.embedder, config) if embedded else None
-        self._known = Memo(self._classify)  # the bits of a crop → its class
+        self._known = Memo(self._classify, self.detector.crop_size_px**2, np.int32)  # the bits of a crop → its class
         self._learned: tuple[object, object] | None = None
 
     @property
@@ -64,7 +64,8 @@ class Perception:
         if learned != self._learned:
             self._known.clear()
             self._learned = learned
-        classes: Ints = self._known(objects.features)
+        known, places = self._known.look_up(objects.features.view(np.int32))
+        classes: Ints = known[places]
         return classes
 
     def begin(self) -> Tracks:
@@ -116,5 +117,5 @@ class Perception:
         boxes |= {"slot_assigner": self.slot_assigner} if self.tracked else {"scenery": self.scenery}
         return boxes | ({"embedder": self._embedder} if self._embedder else {})
 
-    def _classify(self, crops: Floats) -> Ints:
-        return self.clusterer.predict(self.reducer.transform(crops))
+    def _classify(self, crops: Ints) -> Ints:
+        return self.clusterer.predict(self.reducer.transform(crops.view(np.float32)))

@@ -67,17 +67,17 @@ class FractionalEmbedding(Unlearned):
         super().__init__(self.config.dimension)
         self._frequencies = _spread_frequencies(self.config.dimension // 2, self.config.width_px)
         self._scale = np.float32(1 / _ONE)
-        self._objects = Memo(self._embed_objects)  # class, doubled row and column → its vector
+        self._objects = Memo(self._embed_objects, width=3)  # class, doubled row and column → its vector
 
     def transform(self, graph: SceneGraph) -> Floats:
         """Embed a scene, ``(dimension,)`` float32: a pure function of its objects and the configuration."""
-        total = self._objects(object_keys(graph)).sum(axis=0)
-        vector: Floats = total.astype(np.float32) * self._scale
-        return vector
+        vectors, places = self._objects.look_up(object_keys(graph))
+        return _sum_rows(vectors, places, self._scale)
 
     def objects(self, graph: SceneGraph) -> Floats:
         """Embed each object on its own, ``(n, dimension)`` float32; a scene is their sum."""
-        rows: Floats = self._objects(object_keys(graph)).astype(np.float32) * self._scale
+        vectors, places = self._objects.look_up(object_keys(graph))
+        rows: Floats = vectors[places].astype(np.float32) * self._scale
         return rows
 
     def _embed_objects(self, keys: Ints) -> Ints:
@@ -107,6 +107,15 @@ def _turn(keys: Ints, frequencies: NDArray[np.float64], phases: NDArray[np.float
             vectors[i, k] = np.int64(np.rint(np.cos(angle) * length))
             vectors[i, count + k] = np.int64(np.rint(np.sin(angle) * length))
     return vectors
+
+
+@compiled
+def _sum_rows(rows: Ints, places: Ints, scale: np.float32) -> Floats:
+    """Sum the rows of ``(c, dimension)`` that are named, and scale the sum."""
+    total = np.zeros(rows.shape[1], np.int64)
+    for place in places:
+        total += rows[place]
+    return total.astype(np.float32) * scale
 
 
 def _spread_frequencies(count: int, width_px: float) -> NDArray[np.float64]:

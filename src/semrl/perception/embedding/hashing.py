@@ -70,14 +70,15 @@ class HashedEmbedding(Unlearned):
         self._class_weight = round(_ONE * length)
         self._hash_weight = round(_ONE * length * self.config.neighbourhood_weight)
         self._scale = np.float32(1 / (_ONE * length * np.sqrt(max(self.config.words.words_per_object, 1))))
-        self._objects = Memo(self._sum_objects)  # class, doubled row and column → its words' signed sum
+        self._objects = Memo(self._sum_objects, width=3)  # class, doubled row and column → its words' signed sum
 
     def transform(self, graph: SceneGraph) -> Floats:
         """Embed a scene, ``(dimension,)`` float32: a pure function of it, the same bits in every process.
 
         Words are counted as integers, so the order of the sum does not matter, and scaled once.
         """
-        total = self._objects(object_keys(graph)).sum(axis=0)
+        sums, places = self._objects.look_up(object_keys(graph))
+        total = sums[places].sum(axis=0)
         around = wl_hashes(graph, self.config.words.wl_iterations)
         _add_words(total, hash_words(around, self.config.seed), np.int64(self._hash_weight))
         vector: Floats = total.astype(np.float32) * self._scale
