@@ -54,8 +54,8 @@ def main(arguments: Arguments) -> None:
 
 def asked(run: Path, count: int) -> list[dict[str, Any]]:
     """Return what each forest predicts of each part of the memory, the oldest first."""
-    world, rows, wanted = remembered(run)
-    told, came = np.rint(world.forests(rows)[:, :, -2]), wanted[:, -2]
+    world, rows, targets = remembered(run)
+    told, came = np.rint(world.forests(rows)[:, :, -2]), targets[:, -2]
     grown = {int(n): world.grown_ == n for n in np.unique(world.grown_)}
     places = np.linspace(0, len(rows), count + 1).astype(int)
     oldest, newest = world.seen_ - len(world.experience), world.seen_

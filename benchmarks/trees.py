@@ -48,10 +48,10 @@ class Arguments:
 def main(arguments: Arguments) -> None:
     """Measure every size and tell."""
     with limited_threads(1):
-        world, rows, wanted = remembered(arguments.run)
-        measure(world, rows[:200], wanted[:200])
+        world, rows, targets = remembered(arguments.run)
+        measure(world, rows[:200], targets[:200])
         sizes = sorted({min(n, len(rows)) for n in arguments.decisions})
-        told = [measure(world, rows[:n], wanted[:n]) for n in sizes]
+        told = [measure(world, rows[:n], targets[:n]) for n in sizes]
         kind = machine.describe()
     if arguments.json:
         print(json.dumps({"machine": kind, "run": str(arguments.run), "forests": told}))
@@ -69,21 +69,21 @@ def remembered(run: Path) -> tuple[TreeWorld, Floats, NDArray[np.float64]]:
     world = load_player(run, memory=True).require_predictions(run).world_model
     if not isinstance(world, TreeWorld):
         raise UsageError(f"{run} remembers nothing that trees learn from")
-    return world, *world.lessons(world.experience, np.random.default_rng(0))
+    return world, *world.training_set(world.experience, np.random.default_rng(0))
 
 
-def measure(world: TreeWorld, rows: Floats, wanted: NDArray[np.float64]) -> dict[str, Any]:
+def measure(world: TreeWorld, rows: Floats, targets: NDArray[np.float64]) -> dict[str, Any]:
     """Grow one forest by both."""
     drawn = np.random.default_rng(0).integers(len(rows), size=len(rows))
-    leaf_rows = world.config.leaf_rows(wanted.shape[1])
+    leaf_rows = world.config.leaf_rows(targets.shape[1])
     begun = time.process_time()
     places, cuts = bins_of(rows)
     binned = time.process_time()
-    trees = [grow_tree(places, cuts, column.copy(), drawn, n) for column, n in zip(wanted.T, leaf_rows, strict=True)]
+    trees = [grow_tree(places, cuts, column.copy(), drawn, n) for column, n in zip(targets.T, leaf_rows, strict=True)]
     grown = time.process_time()
     theirs = [
         DecisionTreeRegressor(min_samples_leaf=n, random_state=0).fit(rows[drawn], column[drawn])
-        for column, n in zip(wanted.T, leaf_rows, strict=True)
+        for column, n in zip(targets.T, leaf_rows, strict=True)
     ]
     there = time.process_time() - grown
     leaves = int(sum((nodes[:, 0] < 0).sum() for nodes, _, _ in trees))

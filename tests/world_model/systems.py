@@ -42,9 +42,9 @@ def ball(count, seed=0, size=10.0, speed=0.3):
     return transitions(now, np.column_stack([places - velocity, bats]), actions, np.column_stack([after, moved]))
 
 
-def explained(predicted, wanted):
+def explained(predicted, targets):
     """Share of the variance explained, at worst over all columns."""
-    return float(np.min(1 - np.mean((predicted - wanted) ** 2, axis=0) / np.var(wanted, axis=0)))
+    return float(np.min(1 - np.mean((predicted - targets) ** 2, axis=0) / np.var(targets, axis=0)))
 
 
 def walk(decisions, seed=0, dimension=3, rare=0.3):

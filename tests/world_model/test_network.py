@@ -34,7 +34,7 @@ def by_torch(network, inputs):
 @pytest.mark.parametrize("layer_norm", [False, True])
 @pytest.mark.parametrize("hidden_units", [(), (16,), (16, 8, 4)])
 def test_numpy_answers_what_torch_answers(hidden_units, layer_norm):
-    network, (inputs, wanted) = a_network(hidden_units, layer_norm=layer_norm), data()
+    network, (inputs, targets) = a_network(hidden_units, layer_norm=layer_norm), data()
     rows = inputs.copy()
     answers = []
     for _ in range(3):  # what was learned meanwhile counts as well
@@ -43,7 +43,7 @@ def test_numpy_answers_what_torch_answers(hidden_units, layer_norm):
         assert answers[-1].dtype == np.float32
         for row, answer in zip(inputs[:5], answers[-1], strict=False):
             np.testing.assert_allclose(network(row[None])[0], answer, rtol=1e-4, atol=1e-5)
-        network.learn(inputs, wanted.astype(np.float32), functional.mse_loss)
+        network.learn(inputs, targets.astype(np.float32), functional.mse_loss)
     np.testing.assert_array_equal(rows, inputs)
     assert all(np.abs(one - two).max() > 1e-3 for one, two in pairwise(answers))
     restored = a_network(hidden_units, layer_norm=layer_norm, seed=5)
@@ -55,8 +55,8 @@ def test_numpy_answers_what_torch_answers(hidden_units, layer_norm):
 def test_a_pass_shows_every_row_once_in_mini_batches_of_another_order_each_time():
     network, inputs, shown = a_network(batch_size=32), data(100)[0], []
 
-    def loss(outputs, wanted):
-        shown.append(wanted.tolist())
+    def loss(outputs, targets):
+        shown.append(targets.tolist())
         return outputs.square().mean()
 
     for _ in range(2):
@@ -69,8 +69,8 @@ def test_a_pass_shows_every_row_once_in_mini_batches_of_another_order_each_time(
 def test_rows_stay_with_what_is_wanted_of_them():
     network, inputs, pairs = a_network(()), data(50)[0], []
 
-    def loss(outputs, wanted):
-        pairs.append((outputs.detach().numpy().copy(), wanted.numpy().copy()))
+    def loss(outputs, targets):
+        pairs.append((outputs.detach().numpy().copy(), targets.numpy().copy()))
         return 0 * outputs.sum()  # nothing changes
 
     expected = by_torch(network, inputs)
@@ -80,11 +80,11 @@ def test_rows_stay_with_what_is_wanted_of_them():
 
 
 def test_it_is_adam_with_these_settings():
-    network, (inputs, wanted) = a_network((), batch_size=100), data()
+    network, (inputs, targets) = a_network((), batch_size=100), data()
     weights = network.layers[0].weight.detach().numpy().copy()
-    errors = inputs @ weights.T + network.layers[0].bias.detach().numpy() - wanted
+    errors = inputs @ weights.T + network.layers[0].bias.detach().numpy() - targets
     gradient = errors.T @ inputs / errors.size * 2
-    network.learn(inputs, wanted.astype(np.float32), functional.mse_loss)
+    network.learn(inputs, targets.astype(np.float32), functional.mse_loss)
     step = 1e-2 * gradient / (np.abs(gradient) + 1e-8)  # the first step of Adam
     np.testing.assert_allclose(network.layers[0].weight.detach().numpy(), weights - step, atol=1e-6)
     assert network.optimiser.param_groups[0]["betas"] == (0.9, 0.999)
@@ -110,40 +110,40 @@ def test_seeds_decide_and_global_generators_do_not():
 
 @pytest.mark.parametrize("layer_norm", [False, True])
 def test_saved_midway_it_goes_on_bit_for_bit(layer_norm):
-    inputs, wanted = data()
-    wanted = wanted.astype(np.float32)
+    inputs, targets = data()
+    targets = targets.astype(np.float32)
     unbroken, restored = (a_network((16, 8), layer_norm=layer_norm) for _ in range(2))
-    unbroken.learn(inputs, wanted, functional.mse_loss)
-    restored.learn(inputs[:7], wanted[:7], functional.mse_loss)  # used before
+    unbroken.learn(inputs, targets, functional.mse_loss)
+    restored.learn(inputs[:7], targets[:7], functional.mse_loss)  # used before
     restored.from_arrays(copied(unbroken))
     for network in (unbroken, restored):
         for _ in range(3):
-            network.learn(inputs, wanted, functional.mse_loss)
+            network.learn(inputs, targets, functional.mse_loss)
     assert digest(restored.to_arrays()) == digest(unbroken.to_arrays())
     np.testing.assert_array_equal(restored(inputs), unbroken(inputs))
 
 
 def test_a_fresh_one_restores_a_used_one():
-    network, (inputs, wanted) = a_network(), data()
+    network, (inputs, targets) = a_network(), data()
     fresh = copied(network)
-    network.learn(inputs, wanted.astype(np.float32), functional.mse_loss)
+    network.learn(inputs, targets.astype(np.float32), functional.mse_loss)
     network.from_arrays(fresh)  # Adam's histories are forgotten as well
     assert digest(network.to_arrays()) == digest(a_network().to_arrays())
 
 
 @pytest.mark.parametrize("bad", [np.inf, np.nan])
 def test_a_loss_that_is_no_number_is_told(bad):
-    inputs, wanted = data()
+    inputs, targets = data()
     inputs[3, 2] = bad
     with pytest.raises(SemrlError, match="diverged: try a smaller learning rate"):
-        a_network().learn(inputs, wanted.astype(np.float32), functional.mse_loss)
+        a_network().learn(inputs, targets.astype(np.float32), functional.mse_loss)
 
 
 def test_a_huge_learning_rate_is_told():
-    network, (inputs, wanted) = a_network((16, 8), learning_rate=1e30), data()
+    network, (inputs, targets) = a_network((16, 8), learning_rate=1e30), data()
     with pytest.raises(SemrlError, match="diverged"):
         for _ in range(3):
-            network.learn(inputs, wanted.astype(np.float32), functional.mse_loss)
+            network.learn(inputs, targets.astype(np.float32), functional.mse_loss)
 
 
 def test_features_are_state_difference_and_action():

@@ -105,17 +105,17 @@ def test_nothing_is_needed_before_it_predicts():
 
 @pytest.mark.parametrize("config", [NextStateConfig(hidden_units=(8,)), CHANGE], ids=["whole", "change"])
 def test_saved_midway_it_goes_on_bit_for_bit(config):
-    lessons = [walk(70, seed).transitions for seed in range(6)]
+    training_set = [walk(70, seed).transitions for seed in range(6)]
     unbroken, restored = (NextStateNetwork(config, 3, N_ACTIONS, seed=seed) for seed in (0, 1))
-    restored.partial_fit(lessons[5])  # used before
-    for i, lesson in enumerate(lessons):
+    restored.partial_fit(training_set[5])  # used before
+    for i, lesson in enumerate(training_set):
         if i == 3:
             restored.from_arrays(copied(unbroken))
         unbroken.partial_fit(lesson)
         if i >= 3:
             restored.partial_fit(lesson)
     assert digest(restored.to_arrays()) == digest(unbroken.to_arrays())
-    np.testing.assert_array_equal(predicted(restored, lessons[0]), predicted(unbroken, lessons[0]))
+    np.testing.assert_array_equal(predicted(restored, training_set[0]), predicted(unbroken, training_set[0]))
 
 
 def test_a_fresh_one_is_restored_as_fresh():

@@ -41,16 +41,16 @@ def test_the_defaults_are_the_thesiss():
 
 def test_the_machines_are_scikit_learns():
     """Three hinges, one against all, step size 1 / (λ (t + t₀)); fed the same rows they agree, also when restored."""
-    lessons = [walk(80, seed, D).transitions for seed in range(6)]
+    training_set = [walk(80, seed, D).transitions for seed in range(6)]
     reference = SGDClassifier(loss="hinge", alpha=1e-4, learning_rate="optimal", random_state=3)
     model = model_of(SVM, seed=3)
-    for i, lesson in enumerate(lessons):
+    for i, lesson in enumerate(training_set):
         rows = features(lesson.states, lesson.previous, lesson.actions, N_ACTIONS).astype(np.float64)
         reference.partial_fit(rows, np.sign(lesson.rewards).astype(int), classes=[-1, 0, 1])
         assert model.partial_fit(lesson) is model
         if i == 2:
             saved = copied(model)
-            model = model_of(SVM, seed=3).partial_fit(lessons[5])  # used before
+            model = model_of(SVM, seed=3).partial_fit(training_set[5])  # used before
             model.from_arrays(saved)
         state = model.to_arrays()
         np.testing.assert_array_equal(state["planes"], reference.coef_)
@@ -102,9 +102,9 @@ def test_rare_rewards_are_learned_from_balanced_draws():
     model = model_of(NETWORK)
     for _ in range(40):
         model.partial_fit(experience.draw_balanced(rng, 640))
-    told, wanted = predicted(model, test), test.rewards > 0
+    told, targets = predicted(model, test), test.rewards > 0
     assert set(told.tolist()) == {0, 1}
-    assert (told[wanted] == 1).mean() > 0.8 and (told[~wanted] == 0).mean() > 0.97
+    assert (told[targets] == 1).mean() > 0.8 and (told[~targets] == 0).mean() > 0.97
 
 
 @BOTH
@@ -124,17 +124,17 @@ def test_before_anything_was_learned_nothing_is_expected(config):
 
 @BOTH
 def test_saved_midway_it_goes_on_bit_for_bit(config):
-    lessons = [walk(70, seed, D).transitions for seed in range(6)]
+    training_set = [walk(70, seed, D).transitions for seed in range(6)]
     unbroken, restored = model_of(config), model_of(config)
-    restored.partial_fit(lessons[5])  # used before
-    for i, lesson in enumerate(lessons):
+    restored.partial_fit(training_set[5])  # used before
+    for i, lesson in enumerate(training_set):
         if i == 3:
             restored.from_arrays(copied(unbroken))
         unbroken.partial_fit(lesson)
         if i >= 3:
             restored.partial_fit(lesson)
     assert digest(restored.to_arrays()) == digest(unbroken.to_arrays())
-    np.testing.assert_array_equal(predicted(restored, lessons[0]), predicted(unbroken, lessons[0]))
+    np.testing.assert_array_equal(predicted(restored, training_set[0]), predicted(unbroken, training_set[0]))
 
 
 @BOTH

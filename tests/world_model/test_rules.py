@@ -12,9 +12,9 @@ NAMES, ACTIONS = ("x", "y"), ("LEFT", "RIGHT")
 DIFFERENCES, DISTANCES = ((np.array([[0, 1]]), distances) for distances in (False, True))
 
 
-def forest(rows, wanted, leaf_rows=2):
-    leaves = [leaf_rows] * wanted.shape[1]
-    return Forests(1).fit(rows, wanted, np.random.default_rng(0), leaf_rows=leaves)
+def forest(rows, targets, leaf_rows=2):
+    leaves = [leaf_rows] * targets.shape[1]
+    return Forests(1).fit(rows, targets, np.random.default_rng(0), leaf_rows=leaves)
 
 
 def test_every_column_has_a_name():
@@ -61,13 +61,13 @@ def test_a_world_of_two_rules_is_read_as_two_rules():
 def test_rules_part_all_decisions_and_say_how_far_off_they_are():
     rng = np.random.default_rng(1)
     rows = rng.integers(0, 20, size=(2000, 2)).astype(np.float32)
-    wanted = (rows[:, 0] > 9) * 8.0 + (rows[:, 1] > 14) * 2.0 + rng.normal(scale=0.3, size=2000)
-    tree = forest(rows, wanted[:, None]).tree(0)
+    targets = (rows[:, 0] > 9) * 8.0 + (rows[:, 1] > 14) * 2.0 + rng.normal(scale=0.3, size=2000)
+    tree = forest(rows, targets[:, None]).tree(0)
     for most in (1, 2, 4, 7):
         found = read_rules(tree, "z", NAMES, ACTIONS, most=most)
         assert len(found) == most and sum(rule.decisions for rule in found) == 2000
         total = sum(rule.decisions * rule.error**2 for rule in found) / 2000
-        assert total == pytest.approx({1: wanted.var()}.get(most, total), rel=1e-4)
+        assert total == pytest.approx({1: targets.var()}.get(most, total), rel=1e-4)
     four = read_rules(tree, "z", NAMES, ACTIONS, most=4)
     assert sorted(round(rule.value) for rule in four) == [0, 2, 8, 10]
     assert all(rule.error == pytest.approx(0.3, abs=0.05) for rule in four)

@@ -226,15 +226,15 @@ def test_before_and_after_an_end_are_not_mixed_up():
     """The first state of an episode follows from nothing."""
     lived = [rally(40, seed) for seed in range(3)]
     made = learned(CONFIG, *lived)
-    rows, wanted = made.lessons(made.experience, np.random.default_rng(0))
+    rows, targets = made.training_set(made.experience, np.random.default_rng(0))
     assert len(rows) == 120
     for i, episode in enumerate(lived):
         changes = np.diff(episode.states, axis=0)
         changes[1:] -= made.inertia_ * changes[:-1].copy()
-        np.testing.assert_array_equal(wanted[40 * i : 40 * (i + 1), :3], changes)
+        np.testing.assert_array_equal(targets[40 * i : 40 * (i + 1), :3], changes)
         assert not rows[40 * i, 6:15].any()  # nothing moved before
     returns = np.concatenate([np.cumsum(episode.rewards[::-1])[::-1] for episode in lived])
-    np.testing.assert_allclose(wanted[:, 4], returns)
+    np.testing.assert_allclose(targets[:, 4], returns)
 
 
 @pytest.mark.parametrize("saved_after", [0, 1, 3])

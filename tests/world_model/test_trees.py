@@ -19,37 +19,38 @@ def compared(dimension, distances=False):
     return np.argwhere(np.triu(np.ones((dimension, dimension)), 1)), distances
 
 
-def fitted(rows, wanted, *, members=1, leaf_rows=3, seed=0, unseen=None):
-    leaves = [leaf_rows] * wanted.shape[1]
-    return Forests(members).fit(rows, wanted, np.random.default_rng(seed), leaf_rows=leaves, unseen=unseen)
+def fitted(rows, targets, *, members=1, leaf_rows=3, seed=0, unseen=None):
+    leaves = [leaf_rows] * targets.shape[1]
+    return Forests(members).fit(rows, targets, np.random.default_rng(seed), leaf_rows=leaves, unseen=unseen)
 
 
 def test_it_is_the_trees_of_scikit_learn():
     rows, test = wholes(800, 5), wholes(300, 5, seed=1)
-    wanted = np.column_stack([rows[:, 0] * 3.0 + rows[:, 1] ** 2, np.sin(rows[:, 2]) + (rows[:, 3] > rows[:, 4])])
-    wanted += np.random.default_rng(0).normal(scale=0.01, size=wanted.shape)  # no two cuts are equally good
-    forest = fitted(rows, wanted)
+    targets = np.column_stack([rows[:, 0] * 3.0 + rows[:, 1] ** 2, np.sin(rows[:, 2]) + (rows[:, 3] > rows[:, 4])])
+    targets += np.random.default_rng(0).normal(scale=0.01, size=targets.shape)  # no two cuts are equally good
+    forest = fitted(rows, targets)
     theirs = [
-        DecisionTreeRegressor(min_samples_leaf=3, random_state=0).fit(rows, column).predict(rows) for column in wanted.T
+        DecisionTreeRegressor(min_samples_leaf=3, random_state=0).fit(rows, column).predict(rows)
+        for column in targets.T
     ]
     np.testing.assert_allclose(forest(rows)[0], np.column_stack(theirs), atol=1e-3)
     assert np.isfinite(forest(test)).all()
 
 
-def by_all_cuts(rows, wanted, leaf_rows):
+def by_all_cuts(rows, targets, leaf_rows):
     """Grow a tree by trying every cut of every column anew; return what it predicts for its rows."""
-    n, total, best, chosen = len(rows), wanted.sum(), wanted.sum() ** 2 / len(rows) + 1e-9, None
+    n, total, best, chosen = len(rows), targets.sum(), targets.sum() ** 2 / len(rows) + 1e-9, None
     for column in rows.T:
         for cut in np.unique(column)[:-1]:
             left = column <= cut
-            k, part = left.sum(), wanted[left].sum()
+            k, part = left.sum(), targets[left].sum()
             if min(k, n - k) >= leaf_rows and (explained := part**2 / k + (total - part) ** 2 / (n - k)) > best:
                 best, chosen = explained, left
     if chosen is None or n < 2 * leaf_rows:
-        return np.full(n, wanted.mean())
+        return np.full(n, targets.mean())
     told = np.empty(n)
     for side in (chosen, ~chosen):
-        told[side] = by_all_cuts(rows[side], wanted[side], leaf_rows)
+        told[side] = by_all_cuts(rows[side], targets[side], leaf_rows)
     return told
 
 
@@ -58,18 +59,18 @@ def by_all_cuts(rows, wanted, leaf_rows):
 def test_no_cut_is_better_and_of_equals_the_first_is_taken(unit, leaf_rows):
     rows, rng = wholes(900, 4, most=40), np.random.default_rng(3)
     peeled = (rows[:, :2] > 36).sum(axis=1) * 5  # a few rows at a time leave a large rest
-    wanted = unit * (peeled + rng.integers(-1, 2, size=900) * (rows[:, 2] > 30))
-    told = fitted(rows, wanted[:, None], leaf_rows=leaf_rows)(rows)[0, :, 0]
-    np.testing.assert_allclose(told, by_all_cuts(rows, wanted, leaf_rows), atol=1e-5)
+    targets = unit * (peeled + rng.integers(-1, 2, size=900) * (rows[:, 2] > 30))
+    told = fitted(rows, targets[:, None], leaf_rows=leaf_rows)(rows)[0, :, 0]
+    np.testing.assert_allclose(told, by_all_cuts(rows, targets, leaf_rows), atol=1e-5)
 
 
 def test_every_leaf_has_enough_rows_and_predicts_their_mean():
     rows, rng = wholes(500, 3), np.random.default_rng(0)
-    wanted = rng.normal(size=(500, 1))
-    told = fitted(rows, wanted, leaf_rows=20)(rows)[0, :, 0]
+    targets = rng.normal(size=(500, 1))
+    told = fitted(rows, targets, leaf_rows=20)(rows)[0, :, 0]
     for value in np.unique(told):
         mine = told == value
-        assert mine.sum() >= 20 and wanted[mine].mean() == pytest.approx(value, abs=1e-5)
+        assert mine.sum() >= 20 and targets[mine].mean() == pytest.approx(value, abs=1e-5)
 
 
 def test_numbers_of_few_values_have_a_bin_each_and_others_about_equally_full_ones():
@@ -90,17 +91,17 @@ def test_what_is_always_the_same_needs_no_cut():
 
 def test_several_forests_agree_where_much_was_seen_and_differ_where_not():
     rows = np.concatenate([np.tile(np.arange(10, dtype=np.float32), 200), np.arange(20, 100, 8)])[:, None]
-    wanted = np.random.default_rng(0).normal(scale=0.1, size=rows.shape) + np.sign(rows - 5.5)
-    told = fitted(rows.astype(np.float32), wanted, members=5)(np.array([[3], [8], [60]], np.float32))[:, :, 0]
+    targets = np.random.default_rng(0).normal(scale=0.1, size=rows.shape) + np.sign(rows - 5.5)
+    told = fitted(rows.astype(np.float32), targets, members=5)(np.array([[3], [8], [60]], np.float32))[:, :, 0]
     assert told.shape == (5, 3) and (np.abs(told[:, :2] - [-1, 1]) < 0.05).all()
     assert told[:, 2].std() > 3 * told[:, :2].std(axis=0).max()
 
 
 def test_one_member_is_grown_anew_and_the_others_stay():
-    rows, wanted = wholes(300, 3), np.random.default_rng(0).normal(size=(300, 2))
-    forests = fitted(rows, wanted, members=3)
+    rows, targets = wholes(300, 3), np.random.default_rng(0).normal(size=(300, 2))
+    forests = fitted(rows, targets, members=3)
     before, sizes = forests(rows), [len(forests.tree(target).means) for target in range(2)]
-    forests.fit(rows[:40], wanted[:40] + 10, np.random.default_rng(1), leaf_rows=[3, 3], member=1)
+    forests.fit(rows[:40], targets[:40] + 10, np.random.default_rng(1), leaf_rows=[3, 3], member=1)
     after = forests(rows)
     np.testing.assert_array_equal(after[[0, 2]], before[[0, 2]])
     assert (after[1] > before[1].max()).all() and [len(forests.tree(target).means) for target in range(2)] == sizes
@@ -110,8 +111,8 @@ def test_one_member_is_grown_anew_and_the_others_stay():
 
 
 def test_the_same_draw_grows_the_same():
-    rows, wanted = wholes(200, 3), np.random.default_rng(0).normal(size=(200, 2))
-    one, two, other = (fitted(rows, wanted, members=2, seed=seed)(rows) for seed in (0, 0, 1))
+    rows, targets = wholes(200, 3), np.random.default_rng(0).normal(size=(200, 2))
+    one, two, other = (fitted(rows, targets, members=2, seed=seed)(rows) for seed in (0, 0, 1))
     np.testing.assert_array_equal(one, two)
     assert (one != other).any()
 
@@ -143,10 +144,10 @@ def test_a_contact_is_one_cut_of_a_distance():
 
 def test_the_last_tree_may_be_kept_from_looking_at_a_column():
     rows = wholes(500, 2)
-    wanted = np.column_stack([rows[:, 0] > 9, rows[:, 0] > 9]).astype(float)
-    told = fitted(rows, wanted, unseen=0)(rows)[0]
-    np.testing.assert_array_equal(told[:, 0], wanted[:, 0])
-    assert np.corrcoef(told[:, 1], wanted[:, 1])[0, 1] < 0.5
+    targets = np.column_stack([rows[:, 0] > 9, rows[:, 0] > 9]).astype(float)
+    told = fitted(rows, targets, unseen=0)(rows)[0]
+    np.testing.assert_array_equal(told[:, 0], targets[:, 0])
+    assert np.corrcoef(told[:, 1], targets[:, 1])[0, 1] < 0.5
 
 
 def test_rolled_forward_each_forest_goes_its_own_way_until_a_reward():
@@ -156,8 +157,8 @@ def test_rolled_forward_each_forest_goes_its_own_way_until_a_reward():
     windows = np.stack([now, before], axis=1)[:, :, None].astype(np.float32)
     rows = lay_out(windows, np.zeros((4000, 0), np.int64), actions, compared(1))
     moved = now - before + 2 * actions - 1
-    wanted = np.column_stack([moved, now + moved >= 6, now / 10])
-    forests = fitted(rows, wanted, members=2, leaf_rows=1, unseen=rows.shape[1] - 1)
+    targets = np.column_stack([moved, now + moved >= 6, now / 10])
+    forests = fitted(rows, targets, members=2, leaf_rows=1, unseen=rows.shape[1] - 1)
     sequences = np.array([[1, 1, 1, 1], [0, 0, 0, 0], [1, 0, 1, 0]])
     none = np.zeros(0, np.float32)
     known = np.zeros(1, np.float32), np.zeros((2, 1), np.float32), none
@@ -196,8 +197,8 @@ def test_together_sequences_come_to_what_each_comes_to_alone(dimension, past_sta
     relations = compared(dimension, distances)
     rows = lay_out(windows, actions[:, 1:], actions[:, 0], relations)
     paid = np.sign(windows[:, 0, 0]) * (np.abs(windows[:, 0, 0]) > 1.5)
-    wanted = np.column_stack([rng.normal(scale=0.5, size=(900, dimension)), paid, rng.normal(size=900)])
-    forests = fitted(rows, wanted, members=2, unseen=rows.shape[1] - 1 - past_actions)
+    targets = np.column_stack([rng.normal(scale=0.5, size=(900, dimension)), paid, rng.normal(size=900)])
+    forests = fitted(rows, targets, members=2, unseen=rows.shape[1] - 1 - past_actions)
     beginning = rng.integers(3, size=(5, 4))[rng.integers(5, size=40)]  # many begin alike, and some are alike
     sequences = np.concatenate([beginning, rng.integers(3, size=(40, 3))], axis=1)
     sequences[rng.integers(40, size=8)] = sequences[7]

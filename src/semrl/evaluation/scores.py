@@ -12,7 +12,7 @@ import numpy as np
 
 from semrl.core.errors import SemrlWarning, UsageError
 from semrl.evaluation.kept import keep_result, warn_unwritable
-from semrl.evaluation.player import Policy, load_player
+from semrl.evaluation.player import Player, Policy, load_player
 from semrl.training.config import EvaluationConfig
 from semrl.training.loop import Step
 from semrl.training.session import limited_threads
@@ -91,13 +91,7 @@ def evaluate(
         raise UsageError(f"episodes must be 1 or more and seed 0 or more, not {episodes} and {seed}")
     asked = {"episodes": episodes, "exploration": exploration, "sticky_actions": sticky_actions}
     asked |= {"max_decisions": max_decisions}
-    player = load_player(run, at).under(**{name: value for name, value in asked.items() if value is not None})
-    if player.perceiving:
-        raise UsageError(
-            f"{run} has not learned to see yet, so there is no agent to play with: it needs more decisions"
-        )
-    if policy == "planner":
-        player.require_predictions(run)
+    player = _ready_player(run, policy, at, {name: value for name, value in asked.items() if value is not None})
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
     path = result_path(run, policy=policy, exploration=exploration, sticky_actions=sticky_actions, at=at)
     warn_unwritable(path)
@@ -107,16 +101,31 @@ def evaluate(
             games.append(_game(player.episode(episode, seed, policy, env), partial(on_step, episode)))
             on_episode(games[-1].total)
         world = World.of(env, player.config.environment)
+    result = _summed_up(run, policy, games, _conditions(player, seed, world, games))
+    keep_result(path, asdict(result))
+    return result
+
+
+def _ready_player(run: str | Path, policy: Policy, at: int | None, conditions: dict[str, Any]) -> Player:
+    """Load who is to play, and check that it can."""
+    player = load_player(run, at).under(**conditions)
+    if player.perceiving:
+        raise UsageError(
+            f"{run} has not learned to see yet, so there is no agent to play with: it needs more decisions"
+        )
+    if policy == "planner":
+        player.require_predictions(run)
+    return player
+
+
+def _conditions(player: Player, seed: int, world: World, games: Sequence["_Game"]) -> dict[str, Any]:
+    """Return who was tested how, and warn of episodes that were cut."""
     cut = [number for number, game in enumerate(games) if game.is_cut]
     if cut:
         _warn_of_cuts(cut, player.config.evaluation)
+    tested = {"decisions": player.decisions, "seed": seed, **asdict(player.config.evaluation)}
     played = {"frame_skip": world.frame_skip, "max_frames": world.max_frames, "sticky_actions": world.sticky_actions}
-    conditions = {
-        "decisions": player.decisions, "seed": seed, **asdict(player.config.evaluation), **played, "cut": cut,
-    }  # fmt: skip
-    result = _summed_up(run, policy, games, conditions)
-    keep_result(path, asdict(result))
-    return result
+    return {**tested, **played, "cut": cut}
 
 
 def _warn_of_cuts(cut: Sequence[int], tested: EvaluationConfig) -> None:

@@ -44,7 +44,7 @@ def bins_of(rows: Floats) -> tuple[NDArray[np.uint16], list[Floats]]:
 
 
 def grow_tree(
-    places: NDArray[np.uint16], cuts: list[Floats], wanted: NDArray[np.float64], drawn: Ints, leaf_rows: int
+    places: NDArray[np.uint16], cuts: list[Floats], targets: NDArray[np.float64], drawn: Ints, leaf_rows: int
 ) -> tuple[NDArray[np.int32], Floats, Floats]:
     """Grow one tree that predicts a number, by the squared error.
 
@@ -52,7 +52,7 @@ def grow_tree(
     ----------
     places, cuts
         See `bins_of`.
-    wanted
+    targets
         ``(n,)``, what is to be predicted for each row.
     drawn
         ``(k,)`` numbers of the rows to learn from, with repetitions.
@@ -66,7 +66,7 @@ def grow_tree(
         ``(m, 2)`` cut, at and below which it goes left, and mean; ``(m, 2)`` number of rows and mean squared error.
     """
     widths = np.array([len(column) + 1 for column in cuts], np.int64)
-    nodes, chosen, told = _grow(places, widths, wanted, drawn, leaf_rows)
+    nodes, chosen, told = _grow(places, widths, targets, drawn, leaf_rows)
     inner = np.flatnonzero(nodes[:, 0] >= 0)
     numbers = np.zeros((len(nodes), 2), np.float32)
     numbers[inner, 0] = [cuts[column][cut] for column, cut in zip(nodes[inner, 0], chosen[inner], strict=True)]
@@ -76,27 +76,27 @@ def grow_tree(
 
 @compiled
 def _grow(
-    places: NDArray[np.uint16], widths: Ints, wanted: NDArray[np.float64], drawn: Ints, leaf_rows: int
+    places: NDArray[np.uint16], widths: Ints, targets: NDArray[np.float64], drawn: Ints, leaf_rows: int
 ) -> tuple[NDArray[np.int32], Ints, NDArray[np.float64]]:
     """Return column and left child, bin after which to cut, and mean, rows and mean squared error of each node."""
-    times = np.bincount(drawn, minlength=len(wanted))  # a row drawn twice counts twice, but is looked at once
+    times = np.bincount(drawn, minlength=len(targets))  # a row drawn twice counts twice, but is looked at once
     rows = np.flatnonzero(times)  # ascending, so memory is read in its order
     begins = np.concatenate((np.zeros(1, np.int64), np.cumsum(widths)))
-    sample, pool = (places, begins, wanted * times, times), new_pool(len(rows), begins[-1])
+    sample, pool = (places, begins, targets * times, times), new_pool(len(rows), begins[-1])
     most = 2 * (len(drawn) // leaf_rows) + 1
     nodes = np.full((most, 2), -1, np.int32)
     chosen, told = np.zeros(most, np.int64), np.zeros((most, 3))
     spans = np.zeros((most, 2), np.int64)  # which of the rows belong to a node
     spans[0, 1] = len(rows)
     tallies = np.full(most, NONE)
-    if sums_are_exact(wanted, times):
+    if sums_are_exact(targets, times):
         tallies[0] = begin_tally(rows, sample, pool)
     size, waiting = 1, [0]
     while waiting:
         node = waiting.pop()
         begin, end = spans[node]
         mine = rows[begin:end]
-        told[node] = _histories(wanted[mine], times[mine])
+        told[node] = _moments(targets[mine], times[mine])
         column, cut = -1, -1
         if told[node, 2] > 0 and told[node, 1] >= 2 * leaf_rows:
             column, cut = best_cut(mine, tallies[node], sample, pool, leaf_rows)
@@ -136,16 +136,16 @@ def _level_by_level(
 
 
 @compiled
-def _histories(wanted: NDArray[np.float64], times: Ints) -> tuple[float, float, float]:
-    """Return mean, count and mean squared error; the last is exactly 0 when the same is wanted everywhere."""
+def _moments(targets: NDArray[np.float64], times: Ints) -> tuple[float, float, float]:
+    """Return mean, count and mean squared error; the last is exactly 0 when all targets are the same."""
     count, total = 0, 0.0
-    for i in range(len(wanted)):
+    for i in range(len(targets)):
         count += times[i]
-        total += times[i] * (wanted[i] - wanted[0])
+        total += times[i] * (targets[i] - targets[0])
     shift, squares = total / count, 0.0
-    for i in range(len(wanted)):
-        squares += times[i] * (wanted[i] - wanted[0] - shift) ** 2
-    return wanted[0] + shift, float(count), squares / count
+    for i in range(len(targets)):
+        squares += times[i] * (targets[i] - targets[0] - shift) ** 2
+    return targets[0] + shift, float(count), squares / count
 
 
 @compiled

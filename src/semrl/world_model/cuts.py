@@ -1,6 +1,6 @@
 """Which cut of a regression tree's node explains most, in compiled code.
 
-The rows of a node are tallied by bin: how many there are, and the sum of what is wanted for them. A large node's tally
+The rows of a node are tallied by bin: how many there are, and the sum of their targets. A large node's tally
 need not be made of its rows: it is its parent's less its sibling's, so that only the smaller of two siblings is looked
 at (Ke et al., "LightGBM", NeurIPS 2017). Trees that peel off a few rows at a time, as those of a game do, grow several
 times faster so. It is done where sums are exact, so that the same tree comes of it.
@@ -19,21 +19,21 @@ _FEW = 8  # bins a row above which only those that are not empty are looked at
 _FEWEST_TALLIED = 64  # rows
 
 Sample = tuple[NDArray[np.uint16], Ints, NDArray[np.float64], Ints]
-"""Of each row its bins, ``(d, n)``, what is wanted for it times how many times it counts, ``(n,)``, and these times,
+"""Of each row its bins, ``(d, n)``, its target times how many times it counts, ``(n,)``, and these times,
 ``(n,)``; second, ``(d + 1,)``, where the bins of each column begin among those of all."""
 
 Bins = tuple[NDArray[np.int32], NDArray[np.float64]]
-"""How many rows there are in each of some bins, and the sum of what is wanted for them."""
+"""How many rows there are in each of some bins, and the sum of their targets."""
 
 Pool = tuple[NDArray[np.int32], NDArray[np.float64], list[int]]
 """Tallies, ``(tallies, bins)`` of both kinds, and which of them are free."""
 
 
 @compiled
-def sums_are_exact(wanted: NDArray[np.float64], times: Ints) -> bool:
+def sums_are_exact(targets: NDArray[np.float64], times: Ints) -> bool:
     """Tell whether any order of adding and taking away gives the same sum, to the last bit: whole numbers."""
-    whole = (wanted == np.rint(wanted)).all()
-    return bool(whole and (np.abs(wanted) * times).sum() < 2.0**53)
+    whole = (targets == np.rint(targets)).all()
+    return bool(whole and (np.abs(targets) * times).sum() < 2.0**53)
 
 
 @compiled

@@ -89,7 +89,7 @@ class DenseNetwork:
                 np.maximum(rows, 0, out=rows)
         return rows
 
-    def learn(self, inputs: Floats, wanted: NDArray[Any], loss: Callable[[Tensor, Tensor], Tensor]) -> None:
+    def learn(self, inputs: Floats, targets: NDArray[Any], loss: Callable[[Tensor, Tensor], Tensor]) -> None:
         """Pass over all rows once, in mini-batches of a random order.
 
         Raises
@@ -100,7 +100,7 @@ class DenseNetwork:
         order = self._rng.permutation(len(inputs))
         for start in range(0, len(order), self.batch_size):
             rows = order[start : start + self.batch_size]
-            error = loss(self.layers(torch.from_numpy(inputs[rows])), torch.from_numpy(wanted[rows]))
+            error = loss(self.layers(torch.from_numpy(inputs[rows])), torch.from_numpy(targets[rows]))
             self.optimiser.zero_grad(set_to_none=True)
             error.backward()  # type: ignore[no-untyped-call]
             self.optimiser.step()

@@ -44,15 +44,15 @@ class NextStateNetwork(NetworkModel):
 
     def partial_fit(self, transitions: Transitions) -> Self:
         """Learn in one pass over some transitions."""
-        wanted = transitions.next_states
+        targets = transitions.next_states
         if self.config.predict_change:
-            changes = wanted - transitions.states
+            changes = targets - transitions.states
             if not self.is_fitted:
                 self._fit_scale(transitions)
                 self._change_scale = spread(changes)
-            wanted = changes / self._change_scale
+            targets = changes / self._change_scale
         loss = functional.smooth_l1_loss if self.config.predict_change else functional.mse_loss
-        self.network.learn(self._rows(transitions.states, transitions.previous, transitions.actions), wanted, loss)
+        self.network.learn(self._rows(transitions.states, transitions.previous, transitions.actions), targets, loss)
         self.is_fitted = True
         return self
 

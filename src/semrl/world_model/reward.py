@@ -123,8 +123,8 @@ class RewardNetwork(NetworkModel):
         if not self.is_fitted:
             self._fit_scale(transitions)
         rows = self._rows(transitions.states, transitions.previous, transitions.actions)
-        wanted = np.sign(transitions.rewards).astype(np.int64) + 1
-        self.network.learn(rows, wanted, functional.cross_entropy)
+        targets = np.sign(transitions.rewards).astype(np.int64) + 1
+        self.network.learn(rows, targets, functional.cross_entropy)
         self.is_fitted = True
         return self
 

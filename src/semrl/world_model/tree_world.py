@@ -26,7 +26,7 @@ class TreesConfig:
     """Settings of `TreeWorld`."""
 
     members: int = 3
-    """Forests, each grown from its own draw of what was lived; a reward counts what they predict on average.
+    """Forests, each grown from its own draw of the play; a reward counts what they predict on average.
 
     When it is time, the oldest is grown anew."""
     screening: int = 0
@@ -37,7 +37,7 @@ class TreesConfig:
     """Actions before that are looked at: things that have inertia go on by them."""
     distances: bool = False
     """Whether numbers are compared along an axis alone, and by how far they lie apart as well: a contact is one cut of
-    a distance and two of a difference, which counts when little was lived."""
+    a distance and two of a difference, which counts when there was little play."""
     resolution: float = 1 / 255
     """Least difference between two states that means anything; RAM features are bytes divided by 255."""
     least_changes: float = 0.001
@@ -229,14 +229,14 @@ class TreeWorld:
             )
         ]
 
-    def lessons(self, lived: Experience, rng: np.random.Generator) -> tuple[Floats, NDArray[np.float64]]:
+    def training_set(self, buffer: Experience, rng: np.random.Generator) -> tuple[Floats, NDArray[np.float64]]:
         """Return what trees see of decisions, ``(n, f)``, and are to predict, ``(n, k)``: changes, reward, return.
 
         It decides which numbers vary, and which of them by themselves; those that hardly ever change are left out. Of
         too many decisions some are drawn.
         """
         unit, c = np.float32(self.config.resolution), self.config
-        windows, pasts, actions, rewards, following = lived.windows(c.past_states, c.past_actions)
+        windows, pasts, actions, rewards, following = buffer.windows(c.past_states, c.past_actions)
         changed = (following != windows[:, 0]).mean(axis=0)
         self.varying_ = np.flatnonzero((changed > 0) & (changed >= c.least_changes))
         windows, following = np.rint(windows[:, :, self.varying_] / unit), following[:, self.varying_]
@@ -244,13 +244,13 @@ class TreeWorld:
         before = windows[:, 0] - windows[:, 1]
         self.inertia_ = ((changes == before).mean(axis=0) > (changes == 0).mean(axis=0)).astype(np.float32)
         signs = np.sign(rewards)
-        returns = lived.returns(self.discount) if c.value_leaf_decisions else np.zeros_like(signs)
-        wanted = np.column_stack([changes - self.inertia_ * before, signs, returns]).astype(np.float64)
+        returns = buffer.returns(self.discount) if c.value_leaf_decisions else np.zeros_like(signs)
+        targets = np.column_stack([changes - self.inertia_ * before, signs, returns]).astype(np.float64)
         most = max(c.most_numbers // self._columns, 1)
-        if len(wanted) > most:
-            drawn = np.sort(rng.choice(len(wanted), most, replace=False))
-            windows, pasts, actions, wanted = windows[drawn], pasts[drawn], actions[drawn], wanted[drawn]
-        return lay_out(windows, pasts, actions, self.relations_), wanted
+        if len(targets) > most:
+            drawn = np.sort(rng.choice(len(targets), most, replace=False))
+            windows, pasts, actions, targets = windows[drawn], pasts[drawn], actions[drawn], targets[drawn]
+        return lay_out(windows, pasts, actions, self.relations_), targets
 
     def to_arrays(self) -> Arrays:
         """Return trees and memory."""
@@ -285,16 +285,16 @@ class TreeWorld:
         newest = int(self.grown_.max())
         return seen >= c.first_decisions if not newest else seen - newest >= max(c.new_decisions, c.new_share * newest)
 
-    def _grow_if_due(self, lived: Experience, seen: int) -> None:
+    def _grow_if_due(self, buffer: Experience, seen: int) -> None:
         if not self._is_due(seen):
             return
         c = self.config
         known = self.varying_, self.inertia_
         rng = np.random.default_rng([self.seed, seen])
-        rows, wanted = self.lessons(lived, rng)
-        leaves = c.leaf_rows(wanted.shape[1])
+        rows, targets = self.training_set(buffer, rng)
+        leaves = c.leaf_rows(targets.shape[1])
         unseen = rows.shape[1] - 1 - c.past_actions  # the action
         same = np.array_equal(known[0], self.varying_) and np.array_equal(known[1], self.inertia_)
         oldest = int(self.grown_.argmin()) if self.is_fitted and same else None
-        self.forests.fit(rows, wanted, rng, leaf_rows=leaves, unseen=unseen, member=oldest)
+        self.forests.fit(rows, targets, rng, leaf_rows=leaves, unseen=unseen, member=oldest)
         self.grown_[oldest] = seen  # of all of them where there is no oldest

@@ -1,8 +1,8 @@
 """Regression trees that predict: exact where the world follows rules, which networks only come near to.
 
 Things in a game move by rules with sharp borders: a ball turns back where it meets a paddle and nowhere else. Trees
-find such borders. Several forests, each grown from its own draw of what was lived (bagging, Breiman 1996), agree where
-much was lived; where they do not, a plan should not trust one of them.
+find such borders. Several forests, each grown from its own draw of the play (bagging, Breiman 1996), agree where
+there was much play; where they do not, a plan should not trust one of them.
 """
 
 from collections.abc import Sequence
@@ -50,14 +50,14 @@ class Forests:
     def fit(
         self,
         rows: Floats,
-        wanted: NDArray[np.float64],
+        targets: NDArray[np.float64],
         rng: np.random.Generator,
         *,
         leaf_rows: Sequence[int],
         unseen: int | None = None,
         member: int | None = None,
     ) -> Self:
-        """Grow trees for each column of ``(n, k)`` wanted numbers from ``(n, d)`` rows: those of a member, or all.
+        """Grow trees for each column of ``(n, k)`` targets from ``(n, d)`` rows: those of a member, or all.
 
         A single forest learns from all rows, each of several from as many rows drawn with replacement. A tree's leaf
         has at least its number of ``leaf_rows``, ``(k,)``. The last tree does not look at the column ``unseen``.
@@ -66,8 +66,8 @@ class Forests:
         hidden = places.copy()
         if unseen is not None:
             hidden[unseen] = 0
-        sights = [places] * (wanted.shape[1] - 1) + [hidden]
-        columns = [np.ascontiguousarray(column, np.float64) for column in wanted.T]
+        sights = [places] * (targets.shape[1] - 1) + [hidden]
+        columns = [np.ascontiguousarray(column, np.float64) for column in targets.T]
         for i in range(self.members) if member is None else (member,):
             drawn = rng.integers(len(rows), size=len(rows)) if self.members > 1 else np.arange(len(rows))
             trees = zip(sights, columns, leaf_rows, strict=True)
