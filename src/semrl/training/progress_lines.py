@@ -9,6 +9,8 @@ from pathlib import Path
 from semrl.training.trainer import AGENT, Row, Trainer
 
 EVERY_SECONDS = 30.0
+FEWEST_FOR_A_RATE = 10
+"""Of fewer decisions no rate is written: what the first of a phase waited for says nothing of the others."""
 RETURNS_SHOWN = 5
 
 
@@ -74,7 +76,7 @@ class ProgressLines:
         parts = [f"{self._what}: {done:,}{of} {self._unit}"]
         if self._unit != "decisions":
             parts.append(f"{decisions:,} decisions")
-        if now > before:
+        if now > before and decisions - decisions_before >= FEWEST_FOR_A_RATE:
             rate = (decisions - decisions_before) / (now - before)
             parts.append(f"{rate:,.{0 if rate >= 10 else 1}f}/s")
         left = self._left()
@@ -82,8 +84,9 @@ class ProgressLines:
         self._write(", ".join([*parts, *([left] if left else [])]) + (f"; {note}" if note else ""))
 
     def _left(self) -> str:
-        (now, done, _), (began, at_first, _) = self._now, self._first
-        if self._total is None or done <= at_first or done >= self._total:
+        (now, done, decisions), (began, at_first, before) = self._now, self._first
+        known = done > at_first and decisions - before >= FEWEST_FOR_A_RATE
+        if self._total is None or not known or done >= self._total:
             return ""
         return f"{duration((self._total - done) * (now - began) / (done - at_first))} left"
 

@@ -1,6 +1,5 @@
 """The six steps of §2.6.1, each kept in a file, so that what was stopped goes on."""
 
-import json
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
@@ -15,6 +14,7 @@ from semrl.core import Frame
 from semrl.core.arrays import Arrays, arrays_to_ragged, nest, unnest
 from semrl.core.errors import UsageError
 from semrl.core.files import make_folder, read_arrays, write_arrays, write_text
+from semrl.core.strict_json import dumps
 from semrl.envs import EnvironmentConfig, Game, make_env
 from semrl.training.session import limited_threads
 from semrl_thesis.world_models.controller import ControllerConfig, LinearController, evolve, parameter_count
@@ -243,8 +243,8 @@ class WorldModels:
     def _claim(self) -> None:
         """Write the configuration into the folder, or compare it with the one that is there."""
         make_folder(self.folder)
-        path, mine = self.folder / CONFIG, json.dumps(asdict(self.config), indent=2) + "\n"
+        path, mine = self.folder / CONFIG, dumps(asdict(self.config), indent=2) + "\n"
         if not path.exists():
             write_text(path, mine)
-        elif path.read_text() != mine:
+        elif path.read_text(encoding="utf-8") != mine:
             raise UsageError(f"{self.folder} holds World Models of another configuration; choose another folder")
