@@ -17,7 +17,7 @@ from typing import Any, NoReturn
 
 from semrl.core.errors import SemrlError, UsageError
 
-MODULES = {"opencv-python-headless": "cv2", "scikit-learn": "sklearn"}
+MODULES = {"opencv-python-headless": "cv2", "pillow": "PIL", "scikit-learn": "sklearn"}
 """Package → what it is imported as, where that is another name."""
 
 COLUMNS = ("package", "installed", "needed", "for")
