@@ -186,7 +186,7 @@ def test_arrays_of_other_settings_are_refused(learned: dict[str, Doc2VecEmbeddin
 def test_a_missing_gensim_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     real = importlib.util.find_spec
     monkeypatch.setattr(doc2vec_module, "find_spec", lambda name: None if name == "gensim" else real(name))
-    with pytest.raises(MissingExtraError, match="pip install .*'gensim"):
+    with pytest.raises(MissingExtraError, match=r"pip install .*'gensim"):
         Doc2VecEmbedding()
 
 

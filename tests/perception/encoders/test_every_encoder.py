@@ -167,7 +167,7 @@ def test_the_extra_is_asked_for_only_where_it_is_needed(monkeypatch):
     for name in ("grey", "components", "classes", "objects"):
         ENCODERS.load(name)(PerceptionConfig())
     for name in ("scene", "tracked_scene"):
-        with pytest.raises(MissingExtraError, match="pip install .*'gensim"):
+        with pytest.raises(MissingExtraError, match=r"pip install .*'gensim"):
             ENCODERS.load(name)(PerceptionConfig())
 
 
