@@ -76,6 +76,6 @@ class ModelPairConfig:
 
     def __post_init__(self) -> None:
         if self.rehearsal_states < 0:
-            raise UsageError(f"models.rehearsal_states must be 0 or more, not {self.rehearsal_states}")
+            raise UsageError(f"networks.rehearsal_states must be 0 or more, not {self.rehearsal_states}")
         if not 0 <= self.rehearsal_reward_share <= 1:
-            raise UsageError(f"models.rehearsal_reward_share must lie in 0 … 1, not {self.rehearsal_reward_share}")
+            raise UsageError(f"networks.rehearsal_reward_share must lie in 0 … 1, not {self.rehearsal_reward_share}")

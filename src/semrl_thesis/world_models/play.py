@@ -81,7 +81,7 @@ def frames_of(game: Game, rollout: Rollout) -> NDArray[np.uint8]:
     return np.stack([shrink(step.observation.frame) for step in again])
 
 
-def test_returns(game: Game, episodes: int, player: Callable[[], "Player"]) -> Iterator[float]:
+def game_returns(game: Game, episodes: int, player: Callable[[], "Player"]) -> Iterator[float]:
     """Play whole games, each with a new player, and yield the return of each."""
     for _ in range(episodes):
         act, seen, total, over = player(), game.reset(), 0.0, False

@@ -28,7 +28,7 @@ from semrl_thesis.world_models.play import (
     random_rollouts,
     rollouts_to_arrays,
     shrink,
-    test_returns,
+    game_returns,
 )
 from semrl_thesis.world_models.vae import SIDE_PX, VAE, VAEConfig, reconstruction_errors
 
@@ -211,9 +211,9 @@ class WorldModels:
         seed, episodes = self.config.seed + TEST_SEED, self.config.test_episodes
         rng = np.random.default_rng(seed)
         game = self._game(seed)
-        blind = test_returns(self._game(seed), episodes, lambda: lambda _frame: int(rng.integers(game.n_actions)))
+        blind = game_returns(self._game(seed), episodes, lambda: lambda _frame: int(rng.integers(game.n_actions)))
         return {
-            "returns": np.array(list(test_returns(game, episodes, self.player))),
+            "returns": np.array(list(game_returns(game, episodes, self.player))),
             "random_returns": np.array(list(blind)),
         }
 
