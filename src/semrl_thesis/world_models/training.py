@@ -25,10 +25,10 @@ from semrl_thesis.world_models.play import (
     Rollout,
     arrays_to_rollouts,
     frames_of,
+    game_returns,
     random_rollouts,
     rollouts_to_arrays,
     shrink,
-    game_returns,
 )
 from semrl_thesis.world_models.vae import SIDE_PX, VAE, VAEConfig, reconstruction_errors
 
