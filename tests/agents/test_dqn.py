@@ -30,7 +30,7 @@ def shown(observation, previous=None, plan=()):
 def live(agent, decisions, seed=0, episode=9, start=0):
     """A life among random observations; every episode's end is a terminal one or a time limit, in turn."""
     rng = np.random.default_rng(seed)
-    observations = rng.normal(size=(start + decisions + 1, *agent.replay.latest(1).shape[2:])).astype(np.float32)
+    observations = rng.normal(size=(start + decisions + 1, *agent.replay.latest(1)[0].shape[2:])).astype(np.float32)
     rewards = rng.integers(-3, 4, size=start + decisions)
     plans = rng.normal(size=(start + decisions + 1, agent.replay.to_arrays()["plans"].shape[1])).astype(np.float32)
     for i in range(start, start + decisions):
@@ -332,7 +332,7 @@ def test_the_normaliser_is_measured_once_on_the_initial_buffer():
     agent = live(agent_with(network=network, learning_starts=50), 49)
     assert (agent.to_arrays()["network/state_input.scale"] == 1).all()
     live(agent, 1, start=49)
-    states = agent.replay.latest(50)
+    states = agent.replay.latest(50)[0]
     mean = np.stack([states[:, 0], states[:, 0] - states[:, 1]], axis=1).mean(axis=0)
     for name in ("network", "target"):
         np.testing.assert_allclose(agent.to_arrays()[f"{name}/state_input.mean"], mean, atol=1e-5)

@@ -76,7 +76,7 @@ def test_measured_vectors_have_mean_0_and_deviation_1():
     states = torch.from_numpy((rng.normal(size=(500, 2, 4)) * [1, 2, 0.8, 1] + [0, 5, -3, 2]).astype(np.float32))
     states[:, :, 3] = 2.0  # never varies
     layer = StateInput((4,), is_image=False)
-    layer.fit(states)
+    layer.fit(states, torch.zeros(500, 0))
     x = layer(states)
     torch.testing.assert_close(x.mean(dim=0), torch.zeros(2, 4), atol=1e-4, rtol=0)
     torch.testing.assert_close(x.std(dim=0, correction=0)[:, :3], torch.ones(2, 3), atol=1e-4, rtol=0)
@@ -87,9 +87,19 @@ def test_measured_vectors_have_mean_0_and_deviation_1():
     torch.testing.assert_close(layer(other)[:, 0, 3], torch.full((500,), 1 / (0.5 * float(usual))))
 
 
+def test_plans_count_towards_the_usual_deviation():
+    """Half the root mean square over a state of deviation 0 and 2 and a plan of 4; plans have no difference."""
+    states = torch.zeros(2, 2, 2)
+    states[:, 0, 1] = torch.tensor([-2.0, 2.0])
+    layer = StateInput((2,), is_image=False)
+    layer.fit(states, torch.tensor([[4.0], [-4.0]]))
+    least = 0.5 * np.sqrt((0 + 4 + 16) / 3), 0.5 * np.sqrt((0 + 4 + 0) / 3)
+    torch.testing.assert_close(1 / layer.scale, torch.tensor([[least[0], 2.0], [least[1], 2.0]], dtype=torch.float32))
+
+
 def test_numbers_that_never_vary_keep_their_unit():
     layer = StateInput((2,), is_image=False)
-    layer.fit(torch.full((5, 2, 2), 4.0))
+    layer.fit(torch.full((5, 2, 2), 4.0), torch.zeros(5, 0))
     torch.testing.assert_close(layer(torch.full((1, 2, 2), 6.0))[0, 0], torch.full((2,), 2.0))
 
 
@@ -97,7 +107,7 @@ def test_images_keep_their_unit():
     states = torch.from_numpy(np.random.default_rng(0).integers(256, size=(3, 2, *IMAGE), dtype=np.uint8))
     layer = StateInput(IMAGE, is_image=True)
     before = layer(states)
-    layer.fit(states)
+    layer.fit(states, torch.zeros(len(states), 0))
     assert torch.equal(layer(states), before)
 
 
@@ -142,7 +152,7 @@ def test_a_plan_stands_beside_the_state_in_front_of_the_dense_layers(shape, widt
 def test_a_plan_stays_as_it_is():
     """While the input is measured there is none yet, so its scale is not known."""
     network = QNetwork((4,), 2, NetworkConfig(normalise_input=True, frequencies=3), seed=0, plan_size=2)
-    network.state_input.fit(torch.randn(50, 2, 4) * 5 + 3)
+    network.state_input.fit(torch.randn(50, 2, 4) * 5 + 3, torch.zeros(50, 2))
     shown = []
     network.dense.register_forward_hook(lambda _, inputs, __: shown.append(inputs[0][0]))
     network(torch.tensor([[[1.0, 2.0, 1.0, -1.0], [0.0, 1.0, 0.0, 1.0]]]), torch.tensor([[1.0, -1.0]]))

@@ -117,15 +117,15 @@ def test_a_terminated_episode_counts_nothing_after_it_and_a_truncated_one_bootst
 
 def test_the_first_state_of_an_episode_has_no_difference():
     _, buffer = filled([(3, "truncated"), (4, "running")], 20)
-    states = buffer.latest(100)[:, :, 0].tolist()
+    states = buffer.latest(100)[0][:, :, 0].tolist()
     assert states == [[0, 0], [1, 0], [2, 1], [3, 2], [4, 4], [5, 4], [6, 5], [7, 6]]
-    assert buffer.latest(3)[:, :, 0].tolist() == states[-3:]
+    assert buffer.latest(3)[0][:, :, 0].tolist() == states[-3:]
 
 
 def test_the_latest_after_the_ring_went_round():
     _, buffer = filled([(30, "running")], 8)
-    assert buffer.latest(100)[:, 0, 0].tolist() == list(range(22, 30))
-    assert buffer.latest(100)[0, :, 0].tolist() == [22, 22]  # what was before it is overwritten
+    assert buffer.latest(100)[0][:, 0, 0].tolist() == list(range(22, 30))
+    assert buffer.latest(100)[0][0, :, 0].tolist() == [22, 22]  # what was before it is overwritten
 
 
 def rewarded_buffer(capacity=2000, rewards=(500, 1200), length=1500):
@@ -169,7 +169,7 @@ def test_every_frame_is_stored_once():
     buffer.add(frame, NO_PLAN, 1, 0.0, terminated=False, start=True)
     kept = frame.copy()
     frame[:] = 0  # what is stored is a copy
-    np.testing.assert_array_equal(buffer.latest(1)[0, 0], kept)
+    np.testing.assert_array_equal(buffer.latest(1)[0][0, 0], kept)
 
 
 @pytest.mark.parametrize("length", [3, 25, 90])

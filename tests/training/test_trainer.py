@@ -201,7 +201,7 @@ def test_the_agent_sees_the_current_and_the_previous_observation():
     for before, after in itertools.pairwise(seen[:45]):
         np.testing.assert_array_equal(after[1], before[0])
     np.testing.assert_array_equal(seen[45][0], seen[45][1])  # a new episode
-    np.testing.assert_array_equal(seen, trainer.agent.replay.latest(62)[np.r_[0:45, 46:61]])
+    np.testing.assert_array_equal(seen, trainer.agent.replay.latest(62)[0][np.r_[0:45, 46:61]])
 
 
 def test_a_budget_can_be_raised():

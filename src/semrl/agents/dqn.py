@@ -130,9 +130,9 @@ class DQN:
         if reward or self._rng.random() * c.head_decisions < 1:
             self._head = int(self._rng.integers(c.heads))
         if self.decisions_ == c.learning_starts and c.network.normalise_input:
-            states = self._tensor(self.replay.latest(c.learning_starts))
+            states, plans = (self._tensor(x) for x in self.replay.latest(c.learning_starts))
             for network in (self.network, self.target):
-                network.state_input.fit(states)
+                network.state_input.fit(states, plans)
         if self.decisions_ >= c.learning_starts and self.decisions_ % c.train_freq == 0:
             self.update(self._sample())
 

@@ -7,7 +7,7 @@ from semrl.agents.config import NetworkConfig
 from semrl.core.networks import dense
 
 LEAST_INPUT_DEVIATION = 0.5
-"""Smallest deviation that is divided by, as a share of the root mean square over all numbers of its kind."""
+"""Smallest deviation that is divided by, as a share of the root mean square over all numbers."""
 
 
 class StateInput(nn.Module):
@@ -26,15 +26,21 @@ class StateInput(nn.Module):
         self.register_buffer("mean", torch.zeros(size))
         self.register_buffer("scale", torch.ones(size))
 
-    def fit(self, states: Tensor) -> None:
-        """Measure mean and standard deviation of every number of the states, ``(b, 2, d)``; images stay as they are."""
+    def fit(self, states: Tensor, plans: Tensor) -> None:
+        """Measure mean and standard deviation of every number of the states, ``(b, 2, d)``; images stay as they are.
+
+        Plans, ``(b, p)``, are not normalised, but they count towards the usual deviation, which bounds that of a
+        number that hardly varied (docs/trials.md, "The least deviation of an input").
+        """
         if self.is_image:
             return
         x = self._differences(states)
         self.mean.copy_(x.mean(dim=0))
         deviation = x.std(dim=0, correction=0)  # (2, d)
         # What hardly varied in the sample may vary later: dividing by almost nothing would blow it up.
-        least = LEAST_INPUT_DEVIATION * deviation.square().mean(dim=1, keepdim=True).sqrt()
+        of_plans = plans.std(dim=0, correction=0)
+        of_all = torch.stack([torch.cat([deviation[0], of_plans]), torch.cat([deviation[1], 0 * of_plans])])
+        least = LEAST_INPUT_DEVIATION * of_all.square().mean(dim=1, keepdim=True).sqrt()
         deviation = torch.maximum(deviation, least)
         self.scale.copy_(torch.where(deviation > 0, 1 / deviation, torch.ones_like(deviation)))
 

@@ -132,10 +132,11 @@ class ReplayBuffer:
             advised=self._advised[ticks % self.capacity].astype(np.int64),
         )
 
-    def latest(self, count: int) -> NDArray[Any]:
-        """Return the states of the newest entries, ``(≤ count, 2, *shape)``, oldest first."""
+    def latest(self, count: int) -> tuple[NDArray[Any], Floats]:
+        """Return states, ``(≤ count, 2, *shape)``, and plans, ``(≤ count, p)``, of the newest entries, oldest first."""
         oldest = max(0, self._count - self.capacity)
-        return self._stack(np.arange(max(oldest, self._count - count), self._count), oldest)
+        ticks = np.arange(max(oldest, self._count - count), self._count)
+        return self._stack(ticks, oldest), self._plans[ticks % self.capacity]
 
     def to_arrays(self) -> Arrays:
         """Return the filled part of the ring: views that the next `add` may change."""
