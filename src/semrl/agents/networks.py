@@ -38,7 +38,7 @@ class StateInput(nn.Module):
         self.mean.copy_(x.mean(dim=0))
         deviation = x.std(dim=0, correction=0)  # (2, d)
         # What hardly varied in the sample may vary later: dividing by almost nothing would blow it up.
-        of_plans = plans.std(dim=0, correction=0)
+        of_plans = (plans - plans.mean(dim=0)).square().mean(dim=0).sqrt()  # without a warning where there are none
         of_all = torch.stack([torch.cat([deviation[0], of_plans]), torch.cat([deviation[1], 0 * of_plans])])
         least = LEAST_INPUT_DEVIATION * of_all.square().mean(dim=1, keepdim=True).sqrt()
         deviation = torch.maximum(deviation, least)
