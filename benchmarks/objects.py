@@ -99,9 +99,11 @@ def score_game(game: str, arguments: Arguments) -> dict[str, Any]:
         detect_objects_ram(objects, observation.ram.astype(int), game, hud=False)
         truths.append([(each.category, *map(int, each.xywh)) for each in objects if each and each.visible])
         shape = observation.frame.shape
-        moving = (tracks.unseen == 0) & (tracks.moves > 0) & (tracks.moves >= LEAST_MOVING_SHARE * tracks.ages)
+        moving = (
+            (tracks.time_since_update == 0) & (tracks.moves > 0) & (tracks.moves >= LEAST_MOVING_SHARE * tracks.ages)
+        )
         followed.append(found(tracks, moving, tracks.classes, shape))
-        slotted = (tracks.unseen == 0) & np.isin(tracks.roles, roles.slots_)
+        slotted = (tracks.time_since_update == 0) & np.isin(tracks.roles, roles.slots_)
         told.append(found(tracks, slotted, tracks.roles, shape))
     moved = without_scenery(truths)
     return {

@@ -11,6 +11,7 @@ from semrl.core.lazy import lazily
 if TYPE_CHECKING:
     from semrl.core.named import IMAGE_SIZE_PX, NO_ACTION, Floats, Frame, Image, Ints
     from semrl.core.planned import History, MapGraph, Plan, Scenarios, Trajectory, Transitions
+    from semrl.core.scene import ConceptTable, Scene
     from semrl.core.seen import Objects, Observation, Outcome, SceneGraph, Sight, Tracks
     from semrl.core.state import AgentObservation, State, StateSpace
 
@@ -18,6 +19,7 @@ _HOME = {
     "IMAGE_SIZE_PX": "semrl.core.named",
     "NO_ACTION": "semrl.core.named",
     "AgentObservation": "semrl.core.state",
+    "ConceptTable": "semrl.core.scene",
     "Floats": "semrl.core.named",
     "Frame": "semrl.core.named",
     "Image": "semrl.core.named",
@@ -29,6 +31,7 @@ _HOME = {
     "Outcome": "semrl.core.seen",
     "Plan": "semrl.core.planned",
     "Scenarios": "semrl.core.planned",
+    "Scene": "semrl.core.scene",
     "SceneGraph": "semrl.core.seen",
     "Sight": "semrl.core.seen",
     "State": "semrl.core.state",
@@ -42,6 +45,7 @@ __all__ = [
     "IMAGE_SIZE_PX",
     "NO_ACTION",
     "AgentObservation",
+    "ConceptTable",
     "Floats",
     "Frame",
     "History",
@@ -53,6 +57,7 @@ __all__ = [
     "Outcome",
     "Plan",
     "Scenarios",
+    "Scene",
     "SceneGraph",
     "Sight",
     "State",

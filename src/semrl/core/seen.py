@@ -73,7 +73,7 @@ class Tracks:
     """``(n, 2)`` float32, rows and columns a decision."""
     ages: Ints
     """``(n,)`` int64, decisions since it was first seen."""
-    unseen: Ints
+    time_since_update: Ints
     """``(n,)`` int64, decisions since it was last seen; 0 for what is seen."""
     moves: Ints
     """``(n,)`` int64, decisions at which it was seen in another place than before."""
@@ -88,7 +88,7 @@ class Tracks:
     @property
     def visible(self) -> NDArray[np.bool_]:
         """Whether each is seen, ``(n,)``."""
-        seen: NDArray[np.bool_] = self.unseen == 0
+        seen: NDArray[np.bool_] = self.time_since_update == 0
         return seen
 
 

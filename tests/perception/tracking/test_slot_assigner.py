@@ -120,7 +120,7 @@ def test_a_list_is_read_as_the_objects_that_are_seen(learned):
     for tracks in played(learned, seed=8, frames=60):
         kinds, centres = learned.read(learned.transform(tracks))
         shown = [int(np.flatnonzero(tracks.roles == role)[0]) for role in learned.slots_ if role in tracks.roles]
-        shown = [i for i in shown if tracks.unseen[i] == 0]
+        shown = [i for i in shown if tracks.time_since_update[i] == 0]
         assert kinds.tolist() == learned.kinds_[tracks.roles[shown]].tolist()
         np.testing.assert_allclose(centres, tracks.centres_px[shown], atol=1e-5)
     kinds, centres = learned.read(np.zeros(learned.dimension, np.float32))

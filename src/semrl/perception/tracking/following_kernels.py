@@ -25,7 +25,7 @@ class State(NamedTuple):
     boxes_px: Ints
     velocities_px: Floats
     ages: Ints
-    unseen: Ints
+    time_since_update: Ints
     moves: Ints
     roles: Ints
 
@@ -47,7 +47,7 @@ def match_costs(
     costs = np.empty((len(tracks.ids), len(seen.classes)))
     for i in range(costs.shape[0]):
         down, right = tracks.velocities_px[i]
-        reach = np.hypot(down, right) * (1 + 2 * tracks.unseen[i])
+        reach = np.hypot(down, right) * (1 + 2 * tracks.time_since_update[i])
         for j in range(costs.shape[1]):
             y, x = seen.centres_px[j] - tracks.centres_px[i]
             # What bounced is not where it was heading, but no farther from where it was seen than it would be.
@@ -89,7 +89,7 @@ def move_on(  # noqa: PLR0917 - compiled functions take no keywords
     for j in partners:
         if j >= 0:
             taken[j] = True
-    kept = np.flatnonzero((partners >= 0) | (tracks.unseen < longest))
+    kept = np.flatnonzero((partners >= 0) | (tracks.time_since_update < longest))
     n_old, n = len(kept), len(kept) + int(np.sum(~taken))
     after = State(
         np.empty(n, np.int64), np.empty(n, np.int64), np.empty((n, seen.features.shape[1]), np.float32),
@@ -113,7 +113,7 @@ def _keep(after: State, i: int, before: State, old: int, last_px: int) -> None:
     after.ids[i], after.classes[i] = before.ids[old], before.classes[old]
     after.features[i], after.boxes_px[i] = before.features[old], before.boxes_px[old]
     after.velocities_px[i] = before.velocities_px[old]
-    after.ages[i], after.unseen[i] = before.ages[old] + 1, before.unseen[old] + 1
+    after.ages[i], after.time_since_update[i] = before.ages[old] + 1, before.time_since_update[old] + 1
     after.moves[i], after.roles[i] = before.moves[old], before.roles[old]
     for axis in range(2):
         place = before.centres_px[old, axis] + before.velocities_px[old, axis]
@@ -126,12 +126,12 @@ def _find(  # noqa: PLR0917
 ) -> None:
     """Move a track to the object that it was found in."""
     step = seen.centres_px[j] - before.centres_px[old]
-    gap = before.unseen[old]
+    gap = before.time_since_update[old]
     # While it was not seen its place was moved on by its velocity: the whole way is both together.
     after.velocities_px[i] = (step + before.velocities_px[old] * gap) / (gap + 1)
     if gap == 0 and np.hypot(step[0], step[1]) > moved_px:
         after.moves[i] += 1
-    after.unseen[i] = 0
+    after.time_since_update[i] = 0
     _show(after, i, seen, j)
 
 

@@ -146,12 +146,14 @@ def costs(tracks: Tracks, known: Known) -> NDArray[np.float64]:
 
     `NEVER` stands where a track cannot have a role.
     """
-    return _costs(tracks.classes, tracks.centres_px, tracks.moves, tracks.ages, tracks.unseen, tracks.roles, known)
+    return _costs(
+        tracks.classes, tracks.centres_px, tracks.moves, tracks.ages, tracks.time_since_update, tracks.roles, known
+    )
 
 
 @compiled
 def _costs(  # noqa: PLR0917 - compiled functions take no keywords
-    classes: Ints, centres: Floats, moves: Ints, ages: Ints, unseen: Ints, held: Ints, known: Known
+    classes: Ints, centres: Floats, moves: Ints, ages: Ints, time_since_update: Ints, held: Ints, known: Known
 ) -> NDArray[np.float64]:
     n_classes = known.surprises.shape[1]
     result = np.empty((len(classes), len(known.roles)))
@@ -164,7 +166,7 @@ def _costs(  # noqa: PLR0917 - compiled functions take no keywords
                 width += 0.5 * np.log(known.variances[j, axis])
             unrest = min(_misfit(moves[i], ages[i], known.mobilities[j]), _MOST_UNREST)
             if held[i] == known.roles[j]:
-                total = strange + unrest + (_GIVES_UP if unseen[i] else -_KEEPS)
+                total = strange + unrest + (_GIVES_UP if time_since_update[i] else -_KEEPS)
                 possible = moves[i] > 0 or ages[i] < STEADY_DECISIONS
             else:
                 looks = unrest + known.surprises[j, min(classes[i], n_classes - 1)]

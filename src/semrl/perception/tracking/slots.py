@@ -183,7 +183,7 @@ class SlotAssigner(Saved):
             With their roles.
         """
         vector = self._at_rest.copy()
-        _write_slots(vector, self.slots_, tracks.roles, tracks.centres_px, tracks.unseen, IMAGE_SIZE_PX - 1)
+        _write_slots(vector, self.slots_, tracks.roles, tracks.centres_px, tracks.time_since_update, IMAGE_SIZE_PX - 1)
         return vector.ravel()
 
     def read(self, vector: Floats) -> tuple[Ints, Floats]:
@@ -229,7 +229,7 @@ class SlotAssigner(Saved):
 
 @compiled
 def _write_slots(  # noqa: PLR0917 - compiled functions take no keywords
-    vector: Floats, slots: Ints, roles: Ints, centres_px: Floats, unseen: Ints, last_px: int
+    vector: Floats, slots: Ints, roles: Ints, centres_px: Floats, time_since_update: Ints, last_px: int
 ) -> None:
     """Write the tracks that have a role with a slot into ``(slots, 3)``."""
     for slot in range(len(slots)):
@@ -237,4 +237,4 @@ def _write_slots(  # noqa: PLR0917 - compiled functions take no keywords
             if roles[i] == slots[slot]:
                 vector[slot, 0] = centres_px[i, 1] / np.float32(last_px)
                 vector[slot, 1] = centres_px[i, 0] / np.float32(last_px)
-                vector[slot, 2] = unseen[i] == 0
+                vector[slot, 2] = time_since_update[i] == 0
