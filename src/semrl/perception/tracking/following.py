@@ -38,8 +38,8 @@ def no_tracks(n_features: int) -> Tracks:
     numbers, points = np.zeros(0, np.int64), np.zeros((0, 2), np.float32)
     return Tracks(
         ids=numbers, classes=numbers, features=np.zeros((0, n_features), np.float32), centres_px=points,
-        boxes_px=np.zeros((0, 4), np.int64), velocities_px=points, ages=numbers, time_since_update=numbers, moves=numbers,
-        roles=numbers, born=np.array(0, np.int64),
+        boxes_px=np.zeros((0, 4), np.int64), velocities_px=points, ages=numbers, moves=numbers,
+        time_since_update=numbers, roles=numbers, born=np.array(0, np.int64),
     )  # fmt: skip
 
 
