@@ -17,6 +17,7 @@ from semrl.perception.embedding import HashedEmbeddingConfig
 from semrl.perception.encoders import ENCODERS
 from semrl.perception.pretraining.schedule import PretrainingSchedule
 from semrl.perception.pretraining.stability import StabilityConfig
+from semrl.training import preset
 from semrl.training.trainer import Trainer
 
 QUICK = DQNConfig(
@@ -90,6 +91,22 @@ def test_an_agent_without_rewards_learns_nothing():
     for episode in range(40):
         agent.end_episode(play(env, agent.act, episode, blind)[1])
     assert mean_return(env, agent.best_action) < 1
+
+
+@pytest.mark.parametrize(
+    ("share", "episodes", "least"), [(10, 300, 0.0), pytest.param(1, 900, 3.5, marks=pytest.mark.slow)]
+)
+def test_the_thesis_own_agent_learns_from_coordinates(share, episodes, least):
+    """Every value is the preset's; at a tenth of its counts of decisions and, in minutes, with those unchanged."""
+    settings = preset("thesis", "ram").dqn
+    counts = ("exploration_decisions", "replay_capacity", "learning_starts", "target_update_interval")
+    settings = replace(settings, **{name: getattr(settings, name) // share for name in counts})
+    env = FrameSkip(Catch(observation="vector"), 4)
+    agent = DQN(settings, space=StateSpace(shape=(4,)), n_actions=2, seed=0)
+    assert mean_return(env, agent.best_action) < -1
+    for episode in range(episodes):
+        agent.end_episode(play(env, agent.act, episode, agent.observe)[1])
+    assert mean_return(env, agent.best_action) > least
 
 
 @pytest.mark.slow
