@@ -12,6 +12,7 @@ import semrl.cli.query as query_command
 from semrl.core import MapGraph
 from semrl.core.errors import UsageError
 from semrl.evaluation import maps
+from semrl.knowledge.vocabulary import INSTANCES
 
 GRAPH = MapGraph(
     node_ids=np.arange(3),
@@ -35,7 +36,9 @@ def loads(monkeypatch, load):
 
 @pytest.fixture(autouse=True)
 def with_map(monkeypatch):
-    loads(monkeypatch, lambda _run: SimpleNamespace(graph=GRAPH, action_names=("NOOP", "FIRE"), rules=()))
+    loads(
+        monkeypatch, lambda _run: SimpleNamespace(graph=GRAPH, action_names=("NOOP", "FIRE"), rules=(), base=INSTANCES)
+    )
 
 
 def only_json(result):

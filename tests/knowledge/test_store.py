@@ -9,7 +9,7 @@ from graphs import ACTIONS, empty_map, random_map
 
 from semrl.core.errors import DataError
 from semrl.knowledge.store import most_frequent_actions, to_store, to_turtle
-from semrl.knowledge.vocabulary import CLASSES, PREFIXES, PROPERTIES
+from semrl.knowledge.vocabulary import CLASSES, PREFIXES, PROPERTIES, prefixes
 from semrl.world_model.rules import Rule, sentence
 
 RULES = (
@@ -19,7 +19,7 @@ RULES = (
 
 
 def select(store, query):
-    return [tuple(term.value for term in row) for row in store.query(query, prefixes=PREFIXES)]
+    return [tuple(term.value for term in row) for row in store.query(query, prefixes=prefixes())]
 
 
 def count(store, pattern):
@@ -103,7 +103,8 @@ def test_turtle_comes_back_and_is_the_same_bytes():
     back.load(written, format=ox.RdfFormat.TURTLE)
     assert set(back) == set(store)
     text = written.decode()
-    assert "@prefix semrl: <urn:semrl:ontology#>" in text and "map:action-FIRE a semrl:Action" in text
+    assert "@prefix semrl: <urn:semrl:ontology#>" in text and "@prefix map: <urn:semrl:map:>" in text
+    assert "map:action-FIRE a owl:NamedIndividual , semrl:Action" in text
     assert text.index("semrl:Transition a owl:Class") < text.index("map:state-3 a") < text.index("map:state-12 a")
 
 

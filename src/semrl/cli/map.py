@@ -62,7 +62,7 @@ def _export(run: Path, path: Path) -> MapGraph:
     from semrl.knowledge.export import exporter
 
     loaded = load_map(run)
-    written = exporter(path)(loaded.graph, loaded.action_names, loaded.rules)
+    written = exporter(path)(loaded.graph, loaded.action_names, loaded.rules, base=loaded.base)
     write_atomic(path, lambda file: file.write(written))
     return loaded.graph
 

@@ -52,7 +52,8 @@ def main(argv: Sequence[str]) -> None:
     arguments = parse(QueryArguments, argv, command="query")
     limits = Limits(rows=arguments.rows, seconds=arguments.seconds)
     loaded = load_map(arguments.run)
-    answer = ask(to_store(loaded.graph, loaded.action_names, loaded.rules), arguments.query, limits)
+    store = to_store(loaded.graph, loaded.action_names, loaded.rules, base=loaded.base)
+    answer = ask(store, arguments.query, limits, base=loaded.base)
     if arguments.json:
         print(dumps({"run": str(arguments.run), **_as_json(answer)}))
         return

@@ -6,6 +6,7 @@ from pathlib import Path
 from semrl.core import MapGraph
 from semrl.evaluation.player import load_player
 from semrl.evaluation.rules import rules_of
+from semrl.training.folder import RunFolder
 from semrl.world_model.rules import Rule
 
 
@@ -16,6 +17,8 @@ class LoadedMap:
     graph: MapGraph
     action_names: tuple[str, ...]
     rules: tuple[Rule, ...]
+    base: str
+    """What the names of its states, transitions, actions and rules begin with, as IRIs."""
 
 
 def load_map(run: str | Path) -> LoadedMap:
@@ -28,4 +31,9 @@ def load_map(run: str | Path) -> LoadedMap:
     """
     player = load_player(run)
     graph = player.require_map(run).state_map.graph_
-    return LoadedMap(graph=graph, action_names=player.action_names, rules=tuple(rules_of(player)))
+    return LoadedMap(
+        graph=graph,
+        action_names=player.action_names,
+        rules=tuple(rules_of(player)),
+        base=RunFolder.open(Path(run)).base_iri,
+    )

@@ -2,8 +2,9 @@
 
 import io
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Protocol
 
 import networkx as nx  # type: ignore[import-untyped]
 import numpy as np
@@ -12,24 +13,40 @@ from numpy.typing import NDArray
 from semrl.core import MapGraph
 from semrl.core.errors import UsageError
 from semrl.knowledge.store import most_frequent_actions, to_store, to_turtle
+from semrl.knowledge.vocabulary import INSTANCES
 from semrl.world_model.rules import Rule
 
-Exporter = Callable[[MapGraph, Sequence[str], Sequence[Rule]], bytes]
-"""Writes a map, given the names of its actions and the learned rules; the same map always gives the same bytes."""
+
+class Exporter(Protocol):
+    """Writes a map, given the names of its actions, the learned rules, and what the names of its instances begin with.
+
+    The same map always gives the same bytes.
+    """
+
+    def __call__(
+        self, graph: MapGraph, action_names: Sequence[str], rules: Sequence[Rule] = (), *, base: str = INSTANCES
+    ) -> bytes:
+        """Return the content of a file."""
+        ...
+
 
 _COLOURS = ({"r": 214, "g": 180, "b": 0}, {"r": 0, "g": 150, "b": 60}, {"r": 200, "g": 30, "b": 30})
 """Of neutral, positive and negative edges (0, 1, -1), as in Figure 4.15."""
 
 
-def graphml(graph: MapGraph, action_names: Sequence[str], _rules: Sequence[Rule] = ()) -> bytes:
+def graphml(
+    graph: MapGraph, action_names: Sequence[str], rules: Sequence[Rule] = (), *, base: str = INSTANCES
+) -> bytes:
     """Write a map as GraphML, each edge with its count, reward, sign and the share of each action; no rules."""
+    del rules, base
     file = io.BytesIO()
     nx.write_graphml_xml(_network(graph, action_names), file)
     return file.getvalue()
 
 
-def gexf(graph: MapGraph, action_names: Sequence[str], _rules: Sequence[Rule] = ()) -> bytes:
+def gexf(graph: MapGraph, action_names: Sequence[str], rules: Sequence[Rule] = (), *, base: str = INSTANCES) -> bytes:
     """Write a map as GEXF for Gephi: as `graphml`, with the places and colours of Figure 4.15."""
+    del rules, base
     network = _network(graph, action_names)
     for _, node in network.nodes(data=True):
         node["viz"] = {"position": {"x": node["x"], "y": node["y"], "z": 0.0}}
@@ -40,9 +57,9 @@ def gexf(graph: MapGraph, action_names: Sequence[str], _rules: Sequence[Rule] = 
     return re.sub(rb' lastmodifieddate="[^"]*"', b"", file.getvalue(), count=1)  # the date would make every file differ
 
 
-def turtle(graph: MapGraph, action_names: Sequence[str], rules: Sequence[Rule] = ()) -> bytes:
+def turtle(graph: MapGraph, action_names: Sequence[str], rules: Sequence[Rule] = (), *, base: str = INSTANCES) -> bytes:
     """Write a map as Turtle: the ontology, then states, transitions, actions and rules."""
-    return to_turtle(to_store(graph, action_names, rules))
+    return to_turtle(to_store(graph, action_names, rules, base=base), base=base)
 
 
 EXPORTERS: dict[str, Exporter] = {".graphml": graphml, ".gexf": gexf, ".ttl": turtle}

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import textwrap
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +15,7 @@ import pyoxigraph as ox
 from semrl.core.errors import SemrlError, UsageError
 from semrl.core.strict_json import dumps
 from semrl.knowledge.guard import guarded
-from semrl.knowledge.vocabulary import PREFIXES
+from semrl.knowledge.vocabulary import INSTANCES, PREFIXES, prefixes
 
 Value = str | int | float | bool | None
 """What a query finds; None where a variable has no value."""
@@ -55,15 +56,15 @@ class Answer:
     variables: tuple[str, ...] = ()
     """Names of the columns of a SELECT."""
     rows: tuple[tuple[Value, ...], ...] = ()
-    """Its rows. IRIs are written with the prefixes of `PREFIXES`, as in ``semrl:State``."""
+    """Its rows. IRIs are written with the known prefixes, as in ``semrl:State``."""
     truncated: bool = False
     """Whether there were more rows than the limits allow."""
     truth: bool | None = None
     """Answer of an ASK; None for a SELECT."""
 
 
-def ask(store: ox.Store, query: str, limits: Limits | None = None) -> Answer:
-    """Answer a SELECT or ASK query over a knowledge base; the prefixes of `PREFIXES` are known.
+def ask(store: ox.Store, query: str, limits: Limits | None = None, *, base: str = INSTANCES) -> Answer:
+    """Answer a SELECT or ASK query over a knowledge base; the prefixes of `vocabulary.prefixes` are known.
 
     Parameters
     ----------
@@ -73,6 +74,8 @@ def ask(store: ox.Store, query: str, limits: Limits | None = None) -> Answer:
         In SPARQL 1.1.
     limits
         What the query may cost.
+    base
+        What the names of instances begin with, as it was told to `to_store`; the prefix ``map`` stands for it.
 
     Raises
     ------
@@ -81,10 +84,10 @@ def ask(store: ox.Store, query: str, limits: Limits | None = None) -> Answer:
     SemrlError
         When no process can be started.
     """
-    limits = limits or Limits()
+    limits, known = limits or Limits(), prefixes(base)
     task = {
         "query": guarded(query, limits.characters),
-        "prefixes": PREFIXES,
+        "prefixes": known,
         "rows": limits.rows,
         "seconds": limits.seconds,
         "memory_mb": limits.memory_mb,
@@ -96,7 +99,7 @@ def ask(store: ox.Store, query: str, limits: Limits | None = None) -> Answer:
         raise UsageError(f"the query cannot be answered: {textwrap.shorten(told['error'], 200, placeholder=' …')}")
     if "truth" in told:
         return Answer(truth=told["truth"])
-    rows = tuple(tuple(_value(*cell) for cell in row) for row in told["rows"])
+    rows = tuple(tuple(_value(known, *cell) for cell in row) for row in told["rows"])
     return Answer(variables=tuple(told["variables"]), rows=rows, truncated=told["truncated"])
 
 
@@ -119,12 +122,12 @@ def _run(task: bytes, limits: Limits) -> bytes:
     return done.stdout
 
 
-def _value(kind: str = "", text: str = "", datatype: str = "") -> Value:
+def _value(known: Mapping[str, str], kind: str = "", text: str = "", datatype: str = "") -> Value:
     """Turn a term as the other process tells it into a plain value; nothing is an unbound variable."""
     if not kind:
         return None
     if kind == "iri":
-        return _shortened(text)
+        return _shortened(known, text)
     if datatype == _XSD + "boolean":
         return text in ("true", "1")
     try:
@@ -136,9 +139,9 @@ def _value(kind: str = "", text: str = "", datatype: str = "") -> Value:
     return number if math.isfinite(number) else text  # JSON has no infinities
 
 
-def _shortened(iri: str) -> str:
+def _shortened(known: Mapping[str, str], iri: str) -> str:
     """Write an IRI with a prefix, where there is one and what follows is a plain name."""
-    for prefix, namespace in PREFIXES.items():
+    for prefix, namespace in known.items():
         local = iri.removeprefix(namespace)
         if local != iri and re.fullmatch(r"[\w%-]+", local):
             return f"{prefix}:{local}"

@@ -5,8 +5,8 @@ The thesis keeps its map as a graph and says that it could be "a collection of R
 
 import io
 import re
-from collections.abc import Iterator, Sequence
-from functools import lru_cache
+from collections.abc import Callable, Iterator, Sequence
+from functools import lru_cache, partial
 from urllib.parse import quote
 
 import numpy as np
@@ -14,15 +14,19 @@ import pyoxigraph as ox
 
 from semrl.core import Ints, MapGraph
 from semrl.core.errors import DataError
-from semrl.knowledge.vocabulary import CLASSES, PREFIXES, PROPERTIES, TERMS
+from semrl.knowledge.vocabulary import CLASSES, INSTANCES, PREFIXES, PROPERTIES, TERMS, prefixes
 from semrl.world_model.rules import Rule, sentence
 
 _SIGNS = ("NeutralTransition", "PositiveTransition", "NegativeTransition")  # by sign of the reward: 0, 1, -1
 
 _Statement = tuple[ox.NamedNode, ox.NamedNode, ox.NamedNode | ox.Literal]
+_Names = Callable[[str], ox.NamedNode]
+"""Names an instance: ``state-3``."""
 
 
-def to_store(graph: MapGraph, action_names: Sequence[str], rules: Sequence[Rule] = ()) -> ox.Store:
+def to_store(
+    graph: MapGraph, action_names: Sequence[str], rules: Sequence[Rule] = (), *, base: str = INSTANCES
+) -> ox.Store:
     """Make the knowledge base of a map: the ontology, its states and transitions, the actions, and learned rules.
 
     Nothing is left to be inferred: superclasses and inverse properties are written out.
@@ -35,6 +39,8 @@ def to_store(graph: MapGraph, action_names: Sequence[str], rules: Sequence[Rule]
         Name of each column of ``graph.actions``.
     rules
         Of the model of the world, where it has any.
+    base
+        What the names of all instances begin with, as `RunFolder.base_iri` tells it, so that those of two runs differ.
 
     Raises
     ------
@@ -42,17 +48,18 @@ def to_store(graph: MapGraph, action_names: Sequence[str], rules: Sequence[Rule]
         When there are not as many names as actions.
     """
     store = ox.Store()
-    drawn = [*_states(graph), *_transitions(graph, action_names)]
-    statements = [*_ontology(), *_actions(action_names), *drawn, *_rules(rules)]
+    named = partial(_instance, base)
+    drawn = [*_states(graph, named), *_transitions(graph, action_names, named)]
+    statements = [*_ontology(), *_actions(action_names, named), *drawn, *_rules(rules, named)]
     store.bulk_extend(ox.Quad(*statement) for statement in statements)
     return store
 
 
-def to_turtle(store: ox.Store) -> bytes:
+def to_turtle(store: ox.Store, *, base: str = INSTANCES) -> bytes:
     """Write a knowledge base as Turtle, the ontology first; the same one always gives the same bytes."""
     triples = sorted((quad.triple for quad in store), key=_order)
     file = io.BytesIO()
-    ox.serialize(triples, file, ox.RdfFormat.TURTLE, prefixes=PREFIXES)
+    ox.serialize(triples, file, ox.RdfFormat.TURTLE, prefixes=prefixes(base))
     return file.getvalue()
 
 
@@ -90,41 +97,42 @@ def _ontology() -> Iterator[_Statement]:
             yield node, _node("owl:inverseOf"), _node(f"semrl:{prop.inverse}")
 
 
-def _actions(action_names: Sequence[str]) -> Iterator[_Statement]:
+def _actions(action_names: Sequence[str], named: _Names) -> Iterator[_Statement]:
     for number, name in enumerate(action_names):
-        yield from _described(_action(name), "semrl:Action", name)
-        yield _action(name), _node("semrl:actionNumber"), ox.Literal(number)
+        node = named(_action(name))
+        yield from _individual(node, "semrl:Action", name)
+        yield node, _node("semrl:actionNumber"), ox.Literal(number)
 
 
-def _states(graph: MapGraph) -> Iterator[_Statement]:
+def _states(graph: MapGraph, named: _Names) -> Iterator[_Statement]:
     for number, count in zip(graph.node_ids.tolist(), graph.node_counts.tolist(), strict=True):
-        yield from _cluster("State", number, count)
+        yield from _cluster("State", number, count, named)
 
 
-def _transitions(graph: MapGraph, action_names: Sequence[str]) -> Iterator[_Statement]:
+def _transitions(graph: MapGraph, action_names: Sequence[str], named: _Names) -> Iterator[_Statement]:
     actions = most_frequent_actions(graph, action_names)
     shares = np.take_along_axis(graph.actions, actions[:, None], axis=1)[:, 0]
     ends = (graph.node_ids[graph.sources].tolist(), graph.node_ids[graph.targets].tolist())
     taken = (actions.tolist(), shares.tolist(), graph.rewards.tolist(), graph.reward_signs.tolist())
     edges = zip(graph.edge_ids.tolist(), graph.edge_counts.tolist(), *ends, *taken, strict=True)
     for number, count, start, end, action, share, reward, sign in edges:
-        node, source, target = _node(f"map:transition-{number}"), _node(f"map:state-{start}"), _node(f"map:state-{end}")
-        yield from _cluster("Transition", number, count)
+        node, source, target = named(f"transition-{number}"), named(f"state-{start}"), named(f"state-{end}")
+        yield from _cluster("Transition", number, count, named)
         yield node, _node("rdf:type"), _node(f"semrl:{_SIGNS[sign]}")
         yield node, _node("semrl:source"), source
         yield node, _node("semrl:target"), target
         yield source, _node("semrl:outgoing"), node
         yield target, _node("semrl:incoming"), node
         yield source, _node("semrl:leadsTo"), target
-        yield node, _node("semrl:action"), _action(action_names[action])
+        yield node, _node("semrl:action"), named(_action(action_names[action]))
         yield node, _node("semrl:actionShare"), ox.Literal(share)
         yield node, _node("semrl:reward"), ox.Literal(reward)
 
 
-def _rules(rules: Sequence[Rule]) -> Iterator[_Statement]:
+def _rules(rules: Sequence[Rule], named: _Names) -> Iterator[_Statement]:
     for number, rule in enumerate(rules):
-        node = _node(f"map:rule-{number}")
-        yield from _described(node, "semrl:Rule", f"{rule.about}: {sentence(rule)}")
+        node = named(f"rule-{number}")
+        yield from _individual(node, "semrl:Rule", f"{rule.about}: {sentence(rule)}")
         yield node, _node("semrl:about"), ox.Literal(rule.about)
         yield node, _node("semrl:change"), ox.Literal(rule.value)
         yield node, _node("semrl:support"), ox.Literal(rule.decisions)
@@ -133,13 +141,19 @@ def _rules(rules: Sequence[Rule]) -> Iterator[_Statement]:
             yield node, _node("semrl:condition"), ox.Literal(condition)
 
 
-def _cluster(kind: str, number: int, count: int) -> Iterator[_Statement]:
+def _cluster(kind: str, number: int, count: int, named: _Names) -> Iterator[_Statement]:
     """Yield what states and transitions have in common."""
-    node = _node(f"map:{kind.lower()}-{number}")
-    yield from _described(node, f"semrl:{kind}", f"{kind.lower()} {number}")
+    node = named(f"{kind.lower()}-{number}")
+    yield from _individual(node, f"semrl:{kind}", f"{kind.lower()} {number}")
     yield node, _node("rdf:type"), _node("semrl:Cluster")
     yield node, _node("semrl:number"), ox.Literal(number)
     yield node, _node("semrl:count"), ox.Literal(count)
+
+
+def _individual(node: ox.NamedNode, kind: str, label: str) -> Iterator[_Statement]:
+    """Yield what an instance is; OWL's tools list those that are declared to be individuals."""
+    yield from _described(node, kind, label)
+    yield node, _node("rdf:type"), _node("owl:NamedIndividual")
 
 
 def _described(node: ox.NamedNode, kind: str, label: str, comment: str = "") -> Iterator[_Statement]:
@@ -156,8 +170,14 @@ def _node(name: str) -> ox.NamedNode:
     return ox.NamedNode(PREFIXES[prefix] + local)
 
 
-def _action(name: str) -> ox.NamedNode:
-    return _node(f"map:action-{quote(name, safe='')}")
+@lru_cache(maxsize=4096)
+def _instance(base: str, local: str) -> ox.NamedNode:
+    """Return the node of an instance."""
+    return ox.NamedNode(base + local)
+
+
+def _action(name: str) -> str:
+    return f"action-{quote(name, safe='')}"
 
 
 def _words(name: str) -> str:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 TERMS = "urn:semrl:ontology#"
 """Namespace of classes and properties."""
 INSTANCES = "urn:semrl:map:"
-"""Namespace of the states, transitions, actions and rules of a run."""
+"""Namespace of the states, transitions, actions and rules of a map that is of no run; a run has its own."""
 
 PREFIXES = {
     "rdf": "http://www.w3.org/1999/02/22-rdf-syntax-ns#",
@@ -13,9 +13,13 @@ PREFIXES = {
     "owl": "http://www.w3.org/2002/07/owl#",
     "xsd": "http://www.w3.org/2001/XMLSchema#",
     "semrl": TERMS,
-    "map": INSTANCES,
 }
-"""Prefix → namespace; queries need not declare them."""
+"""Prefix → namespace, of what all maps have in common."""
+
+
+def prefixes(base: str = INSTANCES) -> dict[str, str]:
+    """Return prefix → namespace, for a map whose instances have names that begin with `base`."""
+    return {**PREFIXES, "map": base}
 
 
 class Class(NamedTuple):

@@ -5,6 +5,7 @@ import os
 import platform
 import shlex
 import shutil
+import uuid
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
@@ -128,6 +129,28 @@ class RunFolder:
     def update_manifest(self, **changes: Any) -> None:
         """Change some entries of the manifest."""
         self.write_manifest(self.manifest() | changes)
+
+    @property
+    def base_iri(self) -> str:
+        """What the IRIs of all that this run has learned begin with: stable, and no other run's.
+
+        A run is given an id when it is made, which moves and copies keep. One that is older than ids is known by its
+        configuration and by what it has learned.
+
+        Raises
+        ------
+        UsageError
+            When the manifest is damaged.
+        """
+        manifest = self.manifest()
+        if "id" not in manifest:
+            learned = json.dumps(manifest.get("hashes", {}), sort_keys=True)
+            known = uuid.uuid5(uuid.NAMESPACE_OID, (self.path / "config.toml").read_text(encoding="utf-8") + learned)
+            return f"urn:uuid:{known}#"
+        try:
+            return f"urn:uuid:{uuid.UUID(manifest['id'])}#"
+        except (ValueError, AttributeError, TypeError):
+            raise UsageError(f"{self.manifest_path} is damaged: its id is no UUID") from None
 
     @property
     def resuming(self) -> str:
@@ -268,6 +291,7 @@ def _read_meta(path: Path) -> dict[str, Any]:
 def _provenance(config: "RunConfig") -> dict[str, Any]:
     return {
         "format": FORMAT,
+        "id": str(uuid.uuid4()),
         "status": "new",
         "model": config.model,
         "env": config.env,
