@@ -148,7 +148,7 @@ def adapt(player: Player, pace: float, decisions: int) -> None:
             if learned == decisions:
                 break
         assert last.state is not None
-        planning.end_episode(last.state.facts)
+        planning.end_episode(last.state.facts, last.state.things)
         episode += 1
 
 

@@ -201,6 +201,6 @@ class SemanticEnv(gym.Wrapper[Shown, Any, Frame, Any], gym.utils.RecordConstruct
         assert step.state is not None
         self._view = None
         if self.learn:
-            self.planning.end_episode(step.state.facts)
+            self.planning.end_episode(step.state.facts, step.state.things)
         else:
             self.planning.begin_episode()

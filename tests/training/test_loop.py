@@ -53,13 +53,13 @@ class Planner:
     def begin_episode(self):
         self.asked.append("begin")
 
-    def observe(self, facts, action, reward):
+    def observe(self, facts, action, reward, things):
         self.asked.append(("observe", action, reward))
 
-    def update_online(self, facts):
+    def update_online(self, facts, things):
         self.asked.append("update")
 
-    def plan_step(self, facts, *, exploring):
+    def plan_step(self, facts, things, *, exploring):
         self.asked.append(("plan", exploring))
         return SimpleNamespace(features=np.array([7.0], np.float32))
 

@@ -18,6 +18,8 @@ class Trajectory:
     """``(t,)`` int64."""
     rewards: Floats
     """``(t,)`` float32."""
+    things: tuple[Floats, ...] = ()
+    """``t + 1`` tables, what was seen at each state, see `semrl.core.things`; empty where that is not known."""
 
     def __len__(self) -> int:
         return len(self.actions)
@@ -103,6 +105,8 @@ class History:
     """Decisions of the episode so far."""
     proposed: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
     """``(t,)`` int64, the actions that the plan before proposed from here on; empty where there was none."""
+    things: tuple[Floats, ...] = ()
+    """What was seen at each of the states, see `semrl.core.things`; empty where that is not known."""
 
     def window(self, count: int) -> Floats:
         """Return the newest states, ``(count, d)``; before the first one known it is taken to have been the same."""

@@ -45,6 +45,9 @@ class Objects:
     """``(n, 4)`` int64: top, left, height, width."""
     labels: NDArray[np.int32]
     """``(84, 84)`` int32: 0 for the background, ``i + 1`` for the pixels of object ``i``."""
+    edges_px: Floats | None = None
+    """``(n, 4)`` float32: left, top, right and bottom as exactly as the detector knows them, in pixels of the 84×84
+    image, the last two exclusive; None where it knows no more than the boxes."""
 
     def __len__(self) -> int:
         return len(self.crops)
@@ -69,6 +72,8 @@ class Tracks:
     """``(n, 2)`` float32, row and column; of what is not seen, where it would be if it went on."""
     boxes_px: Ints
     """``(n, 4)`` int64: top, left, height, width when last seen."""
+    edges_px: Floats
+    """``(n, 4)`` float32: left, top, right and bottom when last seen, as exactly as the detector knows them."""
     velocities_px: Floats
     """``(n, 2)`` float32, rows and columns a decision."""
     ages: Ints

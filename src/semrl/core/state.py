@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from semrl.core.named import Floats, Ints
+from semrl.core.things import no_things
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -17,6 +18,8 @@ class State:
     """What a network is shown: an image, ``(84, 84)`` uint8, or a vector, ``(d,)`` float32."""
     facts: Floats = field(default_factory=lambda: np.zeros(0, np.float32))
     """``(k,)`` float32, the numbers that map, world model and planner work with; empty for images."""
+    things: Floats = field(default_factory=no_things)
+    """``(n, 9)`` float32, all that is seen and followed, see `semrl.core.things`; none where nothing is followed."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -34,6 +37,8 @@ class StateSpace:
     """``(n_facts,)`` int64: along which axis each fact lies, −1 for what is no place; None where that is not known."""
     unit: float | None = None
     """In which unit facts are told to people: what 1 means in it, as a share of their range; None: as they are."""
+    has_things: bool = False
+    """Whether states tell of things that are followed."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

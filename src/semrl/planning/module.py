@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from semrl.core import Floats, History, Ints, Plan, Trajectory
+from semrl.concepts import Concepts, ConceptsConfig, SceneBuilder
+from semrl.core import Floats, History, Ints, Plan, Scene, Trajectory
 from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.errors import UsageError
 from semrl.core.registry import Registry
@@ -19,6 +20,7 @@ from semrl.planning.protocol import Knowledge, Planner, coordinates
 from semrl.planning.scenario_planner import ScenarioPlannerConfig
 from semrl.planning.state_map import StateMap, StateMapConfig
 from semrl.world_model import WORLD_MODELS, EpisodeRecord, ModelPairConfig, TreesConfig
+from semrl.world_model.protocol import ConceptBased
 
 PLANNERS: Registry[Planner] = Registry("planners", {"scenarios": "semrl.planning.scenario_planner:ScenarioPlanner"})
 
@@ -44,6 +46,8 @@ class PlanningConfig:
     """The thesis's models."""
     trees: TreesConfig = field(default_factory=TreesConfig)
     """Regression trees."""
+    concepts: ConceptsConfig = field(default_factory=ConceptsConfig)
+    """When kinds of things are one concept."""
     long_term: LongTermConfig = field(default_factory=LongTermConfig)
     """What paths cost."""
     scenarios: ScenarioPlannerConfig = field(default_factory=ScenarioPlannerConfig)
@@ -102,6 +106,8 @@ class PlanningModule:
     ----------
     world_model, planner, grounder, state_map, routes
         The boxes, and the ways on the map as they are planned now.
+    concepts
+        What the things of the world are, learned from each episode where things are followed.
     """
 
     def __init__(
@@ -127,6 +133,9 @@ class PlanningModule:
         changes = config.velocity_weight > 0
         self.state_map = StateMap(config.state_map, dimension * (2 if changes else 1), n_actions, changes=changes)
         self.routes = plan_routes(self.state_map.graph_, config.long_term)
+        self.concepts = Concepts(config.concepts)
+        if isinstance(self.world_model, ConceptBased):
+            self.world_model.share(self.concepts)
         self._episode = EpisodeRecord(dimension)
         self._proposed = np.zeros(0, np.int64)
 
@@ -150,6 +159,10 @@ class PlanningModule:
             velocity_weight=self.config.velocity_weight,
         )
 
+    def scene(self, history: History) -> Scene:
+        """Return what is seen where a history ends, each thing of its concept; empty before any is known."""
+        return SceneBuilder(self.concepts).scene(history.things)
+
     def plan(self, history: History, *, exploring: bool = False, first: int | None = None) -> Plan | None:
         """Plan from where a history ends, perhaps with a given first action; None while nothing is learned."""
         if not self.world_model.is_fitted:
@@ -166,9 +179,9 @@ class PlanningModule:
         self._episode.clear()
         self._proposed = np.zeros(0, np.int64)
 
-    def plan_step(self, facts: Floats, *, exploring: bool = False) -> PlanRecord:
+    def plan_step(self, facts: Floats, things: Floats | None = None, *, exploring: bool = False) -> PlanRecord:
         """Plan at the next decision of the episode (§3.4.4)."""
-        history = self._episode.history(facts, MEMORY_DECISIONS, self._proposed[1:])
+        history = self._episode.history(facts, MEMORY_DECISIONS, self._proposed[1:], things)
         plan = self.plan(history, exploring=exploring)
         if plan is None:
             self._proposed = np.zeros(0, np.int64)
@@ -176,17 +189,17 @@ class PlanningModule:
         self._proposed = plan.actions.copy()
         return PlanRecord(history=history, plan=plan, features=self.grounder.ground(plan))
 
-    def observe(self, facts: Floats, action: int, reward: float) -> None:
+    def observe(self, facts: Floats, action: int, reward: float, things: Floats | None = None) -> None:
         """Note a decision: the state, what was done in it, and the reward."""
-        self._episode.add(facts, action, reward)
+        self._episode.add(facts, action, reward, things)
 
-    def update_online(self, facts: Floats) -> None:
+    def update_online(self, facts: Floats, things: Floats | None = None) -> None:
         """Let the world model learn from the episode up to the state that was reached now."""
-        self.world_model.update_online(self._episode.so_far(facts))
+        self.world_model.update_online(self._episode.so_far(facts, things))
 
-    def end_episode(self, facts: Floats) -> dict[str, float]:
+    def end_episode(self, facts: Floats, things: Floats | None = None) -> dict[str, float]:
         """Learn from the episode that ended in this state; see `learn`."""
-        trajectory = self._episode.so_far(facts)
+        trajectory = self._episode.so_far(facts, things)
         self.begin_episode()
         return self.learn(trajectory)
 
@@ -199,6 +212,8 @@ class PlanningModule:
             Columns of the metrics: size of the map, and seconds that each part took.
         """
         began = time.perf_counter()
+        if any(len(seen) for seen in trajectory.things):
+            self.concepts.partial_fit(trajectory.things)
         self.state_map.partial_fit(self.on_map(trajectory))
         mapped = time.perf_counter()
         learned = self.world_model.partial_fit(trajectory)
@@ -226,15 +241,22 @@ class PlanningModule:
             state_map=self.state_map.to_arrays(),
             world_model=self.world_model.to_arrays(),
             episode=self._episode.to_arrays(),
+            concepts=self.concepts.to_arrays(),
         )
         return parts | {"proposed": self._proposed}
 
     def inference_arrays(self) -> Arrays:
         """Return map and world model as far as plans need them."""
-        return nest(state_map=self.state_map.to_arrays(), world_model=self.world_model.inference_arrays())
+        return nest(
+            state_map=self.state_map.to_arrays(),
+            world_model=self.world_model.inference_arrays(),
+            concepts=self.concepts.to_arrays(),
+        )
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Go on exactly where `to_arrays` was called; of the part for inference, plan as it did there."""
+        if concepts := unnest(arrays, "concepts"):  # older checkpoints have none
+            self.concepts.from_arrays(concepts)
         self.state_map.from_arrays(unnest(arrays, "state_map"))
         self.world_model.from_arrays(unnest(arrays, "world_model"))
         self.routes = plan_routes(self.state_map.graph_, self.config.long_term)

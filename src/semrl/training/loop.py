@@ -132,7 +132,7 @@ class EpisodeView:
         """Return the step after another one."""
         assert before.state is not None
         if self.planning:
-            self.planning.observe(before.state.facts, action, outcome.reward)
+            self.planning.observe(before.state.facts, action, outcome.reward, before.state.things)
         return self._step(next_step(before, action, outcome), before.state)
 
     def look(self) -> Sight:
@@ -158,8 +158,8 @@ class EpisodeView:
         if self.planning is None:
             return None
         if self.learning and reward:
-            self.planning.update_online(state.facts)
-        return self.planning.plan_step(state.facts, exploring=self.exploring) if self.plans else None
+            self.planning.update_online(state.facts, state.things)
+        return self.planning.plan_step(state.facts, state.things, exploring=self.exploring) if self.plans else None
 
 
 def next_step(before: Step, action: int, outcome: Outcome) -> Step:

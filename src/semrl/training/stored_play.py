@@ -84,14 +84,14 @@ def warm_start(game: Game, encoder: Encoder, planning: PlanningModule, stored: S
     for episode in stored:
         view = EpisodeView(encoder)
         planning.begin_episode()
-        facts = None
+        state = None
         for step in play_again(game, view, episode):
             assert step.state is not None
-            if facts is not None and step.action is not None:
-                planning.observe(facts, step.action, step.reward)
-            facts = step.state.facts
-        if facts is not None:
-            planning.end_episode(facts)
+            if state is not None and step.action is not None:
+                planning.observe(state.facts, step.action, step.reward, state.things)
+            state = step.state
+        if state is not None:
+            planning.end_episode(state.facts, state.things)
 
 
 def play_again(game: Game, view: View, stored: Played) -> Iterator[Step]:

@@ -236,7 +236,7 @@ class Trainer:
         self.episodes_ += 1
         if not planned:
             self.returns_.append(last.total)
-        learned = self.planning.end_episode(last.state.facts) if self.planning else {}
+        learned = self.planning.end_episode(last.state.facts, last.state.things) if self.planning else {}
         self._report({
             "phase": AGENT,
             "episode": self.episodes_,
@@ -267,6 +267,7 @@ def _step_to_arrays(step: Step) -> Arrays:
         arrays["action"] = np.array(step.action)
     if step.state is not None and step.shown is not None:
         arrays |= {"vectors": step.shown.vectors, "plan": step.shown.plan, "facts": step.state.facts}
+        arrays["things"] = step.state.things
     return arrays
 
 
@@ -274,7 +275,7 @@ def _step_from_arrays(arrays: Arrays, observation: Observation) -> Step:
     shown = state = None
     if "vectors" in arrays:
         shown = AgentObservation(vectors=arrays["vectors"], plan=arrays["plan"])
-        state = State(vector=arrays["vectors"][0], facts=arrays["facts"])
+        state = State(vector=arrays["vectors"][0], facts=arrays["facts"], things=arrays["things"])
     return Step(
         observation=observation,
         number=int(arrays["number"]),

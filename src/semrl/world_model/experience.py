@@ -4,8 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.core import NO_ACTION, Floats, History, Ints, Trajectory, Transitions
-from semrl.core.arrays import Arrays
+from semrl.core.arrays import Arrays, arrays_to_ragged, nest, ragged_to_arrays, unnest
 from semrl.core.kernels import compiled
+from semrl.core.things import no_things
 
 REWARD_LEAD = 16
 """Decisions before a reward that count as having led to it."""
@@ -37,9 +38,11 @@ class EpisodeRecord:
         self._states: list[Floats] = []
         self._actions: list[int] = []
         self._rewards: list[float] = []
+        self._things: list[Floats] = []
 
-    def add(self, state: Floats, action: int, reward: float) -> None:
-        """Note a state, ``(d,)``, what was done in it and the reward for that."""
+    def add(self, state: Floats, action: int, reward: float, things: Floats | None = None) -> None:
+        """Note a state, ``(d,)``, what was done in it and the reward for that, and what was seen in it."""
+        self._things.append(no_things() if things is None else things)
         self._states.append(state)
         self._actions.append(action)
         self._rewards.append(reward)
@@ -48,26 +51,29 @@ class EpisodeRecord:
         """How many decisions were noted."""
         return len(self._actions)
 
-    def history(self, state: Floats, length: int, proposed: Ints) -> History:
+    def history(self, state: Floats, length: int, proposed: Ints, things: Floats | None = None) -> History:
         """Return where a plan from the present state, ``(d,)``, begins, with up to so many states and actions."""
+        now = no_things() if things is None else things
         return History(
             states=np.array([state, *self._states[: -length - 1 : -1]][:length], dtype=np.float32),
             actions=np.array(self._actions[: -length - 1 : -1], dtype=np.int64),
             number=len(self),
             proposed=proposed,
+            things=(now, *self._things[: -length - 1 : -1])[:length],
         )
 
-    def so_far(self, last: Floats) -> Trajectory:
-        """Return the episode up to the state ``last``, ``(d,)``."""
+    def so_far(self, last: Floats, things: Floats | None = None) -> Trajectory:
+        """Return the episode up to the state ``last``, ``(d,)``, in which some things are seen."""
         return Trajectory(
             states=np.array([*self._states, last], dtype=np.float32),
             actions=np.array(self._actions, dtype=np.int64),
             rewards=np.array(self._rewards, dtype=np.float32),
+            things=(*self._things, no_things() if things is None else things),
         )
 
     def clear(self) -> None:
         """Begin another episode."""
-        self._states, self._actions, self._rewards = [], [], []
+        self._states, self._actions, self._rewards, self._things = [], [], [], []
 
     def to_arrays(self) -> Arrays:
         """Return what was noted."""
@@ -75,12 +81,14 @@ class EpisodeRecord:
             "states": np.array(self._states, dtype=np.float32).reshape(-1, self.dimension),
             "actions": np.array(self._actions, dtype=np.int64),
             "rewards": np.array(self._rewards, dtype=np.float64),
+            **nest(things=ragged_to_arrays(self._things, like=no_things())),
         }
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Take over what `to_arrays` returned."""
         self._states = list(arrays["states"])
         self._actions, self._rewards = arrays["actions"].tolist(), arrays["rewards"].tolist()
+        self._things = arrays_to_ragged(unnest(arrays, "things"))
 
 
 class Experience:

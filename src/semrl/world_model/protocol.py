@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Protocol, Self, runtime_checkable
 
+from semrl.concepts import Concepts
 from semrl.core import Floats, History, Ints, Scenarios, Trajectory, Transitions
 from semrl.core.protocols import Learner, Persistent
 from semrl.world_model.rules import Rule
@@ -54,6 +55,15 @@ class WorldModel(Learner, Protocol):
 
     def imagine(self, history: History, sequences: Ints) -> Scenarios:
         """Predict what ``(s, t)`` sequences of actions lead to; fewer may come back, those that promise most."""
+        ...
+
+
+@runtime_checkable
+class ConceptBased(Protocol):
+    """A world model that reasons about things of concepts."""
+
+    def share(self, concepts: Concepts) -> None:
+        """Take over what the things are; who gives it lets it learn from each episode, before this learns from it."""
         ...
 
 

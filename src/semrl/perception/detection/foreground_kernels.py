@@ -102,7 +102,7 @@ def find_components(frame: Frame, background: Frame, contrast: int) -> tuple[Pla
 @compiled
 def draw_objects(  # noqa: PLR0917 - compiled functions take no keywords
     frame: Frame, places: Places, starts: Ints, ends: Ints, window_px: int, side_px: int
-) -> tuple[Floats, Floats, Ints, NDArray[np.int32]]:
+) -> tuple[Floats, Floats, Ints, NDArray[np.int32], Floats]:
     """Measure and draw objects in units of a small image of `side_px` pixels a side; see `Objects`."""
     height, width, _ = frame.shape
     n = len(starts)
@@ -111,6 +111,7 @@ def draw_objects(  # noqa: PLR0917 - compiled functions take no keywords
     centres = np.zeros((n, 2), np.float32)
     boxes = np.zeros((n, 4), np.int64)
     labels = np.zeros((side_px, side_px), np.int32)
+    edges = np.zeros((n, 4), np.float32)
     for i in range(n):
         low, high, total = np.array([height, width]), np.array([-1, -1]), np.zeros(2)
         for place in places[starts[i] : ends[i]]:
@@ -122,10 +123,11 @@ def draw_objects(  # noqa: PLR0917 - compiled functions take no keywords
             labels[int((r + 0.5) * scale[0]), int((c + 0.5) * scale[1])] = i + 1
         for axis in range(2):
             centres[i, axis] = (total[axis] / (ends[i] - starts[i]) + 0.5) * scale[axis] - 0.5
+            edges[i, 1 - axis], edges[i, 3 - axis] = low[axis] * scale[axis], high[axis] * scale[axis]
             boxes[i, axis] = int(low[axis] * scale[axis])
             boxes[i, axis + 2] = int(np.ceil(high[axis] * scale[axis])) - boxes[i, axis]
         _draw(frame, places[starts[i] : ends[i]], (low + high) / 2, high - low, scale, crops[i])
-    return crops, centres, boxes, labels
+    return crops, centres, boxes, labels, edges
 
 
 @compiled

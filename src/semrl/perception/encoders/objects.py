@@ -38,7 +38,7 @@ class ObjectsEncoder(ThroughPerception):
 
     def begin(self) -> "TrackedEpisode":
         """Begin an episode."""
-        return TrackedEpisode(self.perception, lambda facts: State(vector=facts, facts=facts))
+        return TrackedEpisode(self.perception, lambda facts, things: State(vector=facts, facts=facts, things=things))
 
 
 class TrackedEpisode:
@@ -49,17 +49,18 @@ class TrackedEpisode:
     perception
         Sees and follows.
     write
-        Makes a state of the list of tracked objects, ``(k,)`` float32.
+        Makes a state of the list of tracked objects, ``(k,)`` float32, and all things, ``(n, 9)`` float32.
     """
 
-    def __init__(self, perception: Perception, write: Callable[[Floats], State]) -> None:
+    def __init__(self, perception: Perception, write: Callable[[Floats, Floats], State]) -> None:
         self._perception = perception
         self._write = write
         self.tracks = perception.begin()
 
     def encode(self, observation: Observation) -> State:
         """Move the tracks on by one observation and list what moves."""
-        return self._write(self.facts(observation))
+        facts = self.facts(observation)
+        return self._write(facts, self._perception.slot_assigner.things(self.tracks))
 
     def facts(self, observation: Observation) -> Floats:
         """Move the tracks on by one observation and return the list, ``(k,)`` float32; see `SlotAssigner.transform`."""
@@ -99,6 +100,7 @@ def listed_space(perception: Perception, before: int = 0) -> StateSpace:
         names=tuple(f"{role} {name}" for role in roles.names_ for name in SLOT_NUMBERS),
         axes=axes,
         unit=PERCENT,
+        has_things=True,
     )
 
 

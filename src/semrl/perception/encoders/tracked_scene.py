@@ -46,10 +46,10 @@ class TrackedSceneEncoder(ThroughPerception):
         """Embed the scene of a list, as it came or as it is predicted."""
         return self.perception.embedder.transform(self.perception.listed_scene(facts))
 
-    def _write(self, facts: Floats) -> State:
+    def _write(self, facts: Floats, things: Floats) -> State:
         if not self.planning:
             return State(vector=self.embed(facts))
-        return State(vector=np.concatenate([self.embed(facts), facts]), facts=facts)
+        return State(vector=np.concatenate([self.embed(facts), facts]), facts=facts, things=things)
 
 
 class _TrackedScenes:
@@ -61,7 +61,7 @@ class _TrackedScenes:
 
     def begin(self) -> None:
         """Forget the tracks of the episode before."""
-        self._episode = TrackedEpisode(self._perception, lambda facts: State(vector=facts))
+        self._episode = TrackedEpisode(self._perception, lambda facts, things: State(vector=facts, things=things))
 
     def scene(self, observation: Observation) -> SceneGraph:
         """Write the next observation."""

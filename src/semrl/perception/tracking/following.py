@@ -38,8 +38,8 @@ def no_tracks(n_features: int) -> Tracks:
     numbers, points = np.zeros(0, np.int64), np.zeros((0, 2), np.float32)
     return Tracks(
         ids=numbers, classes=numbers, features=np.zeros((0, n_features), np.float32), centres_px=points,
-        boxes_px=np.zeros((0, 4), np.int64), velocities_px=points, ages=numbers, moves=numbers,
-        time_since_update=numbers, roles=numbers, born=np.array(0, np.int64),
+        boxes_px=np.zeros((0, 4), np.int64), edges_px=np.zeros((0, 4), np.float32), velocities_px=points, ages=numbers,
+        moves=numbers, time_since_update=numbers, roles=numbers, born=np.array(0, np.int64),
     )  # fmt: skip
 
 
@@ -65,7 +65,8 @@ def follow(tracks: Tracks, objects: Objects, classes: Ints, features: Floats, co
         See `TrackingConfig`.
     """
     before = State(*(getattr(tracks, name) for name in State._fields))
-    seen = Seen(classes, features, objects.centres_px, objects.boxes_px)
+    edges = edges_of(objects.boxes_px) if objects.edges_px is None else objects.edges_px
+    seen = Seen(classes, features, objects.centres_px, objects.boxes_px, edges)
     costs = match_costs(before, seen, config.gate_px, config.class_cost, config.appearance_cost)
     rows, columns = linear_sum_assignment(costs)
     partners = np.full(len(tracks), -1, np.int64)
@@ -73,3 +74,9 @@ def follow(tracks: Tracks, objects: Objects, classes: Ints, features: Floats, co
     after = move_on(before, seen, partners, int(tracks.born), config.unseen_decisions, MOVED_PX, IMAGE_SIZE_PX - 1)
     born = max(int(tracks.born), int(after.ids[-1]) + 1) if len(after.ids) else int(tracks.born)
     return Tracks(**after._asdict(), born=np.array(born))
+
+
+def edges_of(boxes_px: Ints) -> Floats:
+    """Return left, top, right and bottom, ``(n, 4)`` float32, of boxes, top, left, height and width."""
+    top, left, height, width = boxes_px.T
+    return np.column_stack([left, top, left + width, top + height]).astype(np.float32)

@@ -11,6 +11,7 @@ from semrl.core import IMAGE_SIZE_PX, Floats, Ints, Tracks
 from semrl.core.errors import DataError, UsageError
 from semrl.core.kernels import compiled
 from semrl.core.protocols import Saved
+from semrl.core.things import things_of
 from semrl.perception.tracking.controllability import Controllability
 from semrl.perception.tracking.following import MOVED_PX
 from semrl.perception.tracking.slot_statistics import LEAST_MOVING_SHARE, NEVER, STEADY_DECISIONS, SlotStatistics, costs
@@ -186,6 +187,16 @@ class SlotAssigner(Saved):
         _write_slots(vector, self.slots_, tracks.roles, tracks.centres_px, tracks.time_since_update, IMAGE_SIZE_PX - 1)
         return vector.ravel()
 
+    def things(self, tracks: Tracks) -> Floats:
+        """Write all tracks that are seen as things, ``(n, 9)`` float32; see `semrl.core.things`.
+
+        Parameters
+        ----------
+        tracks
+            With their roles.
+        """
+        return things_of(tracks, self._slot_of, self._moved_by_actions)
+
     def read(self, vector: Floats) -> tuple[Ints, Floats]:
         """Read what is seen from a vector of `transform`: the kind of each object, ``(n,)``, and its centre.
 
@@ -222,6 +233,9 @@ class SlotAssigner(Saved):
         """Note what tracks are measured against, all roles while they are learned, then those with slots; and these."""
         self._known = self._statistics.known(self.slots_ if self.is_fitted else np.arange(len(self._statistics)))
         self._slot_kinds = self.kinds_[self.slots_]
+        self._slot_of = np.full(len(self._statistics) + 1, -1, np.float32)
+        self._slot_of[self.slots_] = np.arange(len(self.slots_))
+        self._moved_by_actions = np.append(self.controlled_, False).astype(np.float32)
         self._at_rest: Floats = np.zeros((self.config.slots, len(SLOT_NUMBERS)), np.float32)
         self._at_rest[: len(self.slots_), :2] = self._statistics.means[self.slots_, ::-1]
         self._at_rest[:, :2] /= IMAGE_SIZE_PX - 1

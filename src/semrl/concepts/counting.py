@@ -1,0 +1,125 @@
+"""What is counted of tracks: which labels follow each other, begin, end and are seen together; compiled.
+
+A *label* is what a thing looks like and how it behaves: class number, whether it stays where it is, whether actions
+move it.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.core import Floats, Ints
+from semrl.core.kernels import compiled
+from semrl.core.things import ID, KIND, LEFT, OWN, STILL
+
+LABELS_A_KIND = 4
+"""A kind that stays or moves, by itself or by actions."""
+
+STEP_PX = 0.1
+_STEPS = 841  # the whole image
+
+
+class Counts(NamedTuple):
+    """What was counted of each of l labels."""
+
+    seen: Ints
+    """``(l,)`` int64, things."""
+    follows: Ints
+    """``(l, l)`` int64: how often a thing of the one label had the other at the next decision, where there was then one
+    more of the other and one fewer of the one: else two tracks were mixed up."""
+    begins: Ints
+    ends: Ints
+    """``(l,)`` int64: how often a thing came or went, and there was one more, or one fewer, of its label."""
+    together: Ints
+    """``(l, l)`` int64: decisions at which things of both were seen."""
+    measures: NDArray[np.int32]
+    """``(l, 6, 841)`` int32: things of each left, top, right, bottom, width and height, in tenths of a pixel."""
+
+
+def no_counts(labels: int) -> Counts:
+    """Return the counts of so many labels before anything was seen."""
+    one, two = np.zeros(labels, np.int64), np.zeros((labels, labels), np.int64)
+    measures = np.zeros((labels, 6, _STEPS), np.int32)
+    return Counts(one, two, one.copy(), one.copy(), two.copy(), measures)
+
+
+def widened(counts: Counts, labels: int) -> Counts:
+    """Return the same counts with room for more labels."""
+    new, k = no_counts(labels), len(counts.seen)
+    for name in ("seen", "begins", "ends", "measures"):
+        getattr(new, name)[:k] = getattr(counts, name)
+    new.follows[:k, :k], new.together[:k, :k] = counts.follows, counts.together
+    return new
+
+
+@compiled
+def labels_of(things: Floats) -> Ints:
+    """Return the label of each of ``(n, 9)`` things, ``(n,)`` int64."""
+    labels = np.empty(len(things), np.int64)
+    for i in range(len(things)):
+        labels[i] = int(things[i, KIND]) * 4 + int(things[i, STILL]) * 2 + int(things[i, OWN])
+    return labels
+
+
+@compiled
+def count(things: Floats, ends: Ints, counts: Counts) -> None:
+    """Count an episode, in place: ``(n, 9)`` things, those of each decision behind each other, up to its end."""
+    labels = labels_of(things)
+    n = len(counts.seen)
+    before, now = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    old_begin, begin = 0, 0
+    for t in range(len(ends)):
+        end = ends[t]
+        now[:] = 0
+        for i in range(begin, end):
+            now[labels[i]] += 1
+            _measure(things[i], labels[i], counts)
+        for i in range(begin, end):
+            for j in range(i):
+                if begin <= j:
+                    counts.together[labels[i], labels[j]] += 1
+                    counts.together[labels[j], labels[i]] += 1
+        if t:
+            _compare(things, labels, (old_begin, begin, end), (before, now), counts)
+        before[:] = now
+        old_begin, begin = begin, end
+
+
+@compiled
+def _measure(thing: Floats, label: int, counts: Counts) -> None:
+    """Count one thing, where its edges are and how large it is."""
+    counts.seen[label] += 1
+    last = counts.measures.shape[2] - 1
+    for k in range(6):
+        value = thing[LEFT + k] if k < 4 else thing[LEFT + k - 2] - thing[LEFT + k - 4]
+        counts.measures[label, k, min(max(int(np.rint(value / STEP_PX)), 0), last)] += 1
+
+
+@compiled
+def _compare(
+    things: Floats,
+    labels: Ints,
+    places: tuple[int, int, int],
+    there: tuple[NDArray[np.int64], NDArray[np.int64]],
+    counts: Counts,
+) -> None:
+    """Count what follows what between two decisions; identities ascend at each."""
+    old, begin, end = places
+    before, now = there
+    i, j = old, begin
+    while i < begin or j < end:
+        if j == end or (i < begin and things[i, ID] < things[j, ID]):
+            if now[labels[i]] < before[labels[i]]:
+                counts.ends[labels[i]] += 1
+            i += 1
+        elif i == begin or things[j, ID] < things[i, ID]:
+            if now[labels[j]] > before[labels[j]]:
+                counts.begins[labels[j]] += 1
+            j += 1
+        else:
+            a, b = labels[i], labels[j]
+            if a != b and now[b] > before[b] and now[a] < before[a]:
+                counts.follows[a, b] += 1
+            i += 1
+            j += 1

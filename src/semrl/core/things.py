@@ -1,0 +1,40 @@
+"""Things as they were seen at one decision: plain rows, which are stored and compared quickly."""
+
+import numpy as np
+
+from semrl.core.named import Floats
+from semrl.core.seen import Tracks
+
+ID, KIND, STILL, OWN, SLOT, LEFT, TOP, RIGHT, BOTTOM = range(9)
+"""Columns of a thing: identity in the episode, class number (§3.2.2), 1 if it stays where it is, 1 if actions move it,
+its place in the list of tracked objects (−1: none), its edges in pixels of the 84×84 image, the last two exclusive."""
+
+COLUMNS = 9
+
+_STILL_SHARE = 0.1
+"""What moves at fewer of the decisions, and has no slot, is still."""
+
+
+def no_things() -> Floats:
+    """Return the things of a decision at which nothing is seen, ``(0, 9)`` float32."""
+    return np.zeros((0, COLUMNS), np.float32)
+
+
+def things_of(tracks: Tracks, slots: Floats, own: Floats) -> Floats:
+    """Write the tracks that are seen as things, ``(n, 9)`` float32, in the order of their identities.
+
+    Parameters
+    ----------
+    tracks
+        With their roles.
+    slots, own
+        ``(r + 1,)`` for each role, and at the end for what has none: its slot, and 1 where actions move it.
+    """
+    seen = np.flatnonzero(tracks.time_since_update == 0)
+    roles, ages = tracks.roles[seen], tracks.ages[seen]
+    things = np.empty((len(seen), COLUMNS), np.float32)
+    things[:, ID], things[:, KIND] = tracks.ids[seen], tracks.classes[seen]
+    things[:, OWN], things[:, SLOT] = own[roles], slots[roles]
+    things[:, STILL] = (tracks.moves[seen] < _STILL_SHARE * np.maximum(ages, 1)) & (things[:, SLOT] < 0)
+    things[:, LEFT:] = tracks.edges_px[seen]
+    return things
