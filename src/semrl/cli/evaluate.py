@@ -38,6 +38,9 @@ class EvalArguments:
     """Probability of a random action [default: what the run is configured for, 0]."""
     sticky_actions: float | None = None
     """Probability that a frame repeats the previous action [default: as in training]."""
+    env_variant: str | None = None
+    """How the game is altered, such as recoloured, mirrored or lazy_enemy+recoloured; "": as it is [default: as in
+    training]."""
     max_decisions: int | None = None
     """Decisions after which an episode is cut [default: what the run is configured for, 27000]."""
     at: int | None = None
@@ -77,6 +80,7 @@ def main(argv: Sequence[str]) -> None:
             policy=arguments.policy,
             exploration=arguments.exploration,
             sticky_actions=arguments.sticky_actions,
+            variant=arguments.env_variant,
             max_decisions=arguments.max_decisions,
             at=arguments.at,
             on_episode=on_episode,

@@ -15,6 +15,7 @@ from semrl.envs.actions import NOOP, Env, action_meanings, choose_actions, discr
 from semrl.envs.flicker import Flicker, flicker, needed_frames, watch
 from semrl.envs.making import find_spec, is_atari, make_seen
 from semrl.envs.pictures import as_rgb
+from semrl.envs.variants import names_of, varied
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +33,8 @@ class EnvironmentConfig:
     (§3.2.1); 0: as many as it takes, found out by random play when the environment is made."""
     max_noops: int = 0
     """At most so many random no-op decisions at the start of an episode, in games that have an action for it."""
+    variant: str = ""
+    """How the game is altered: names of `semrl.envs.variants` joined by +, such as lazy_enemy+recoloured."""
 
     def __post_init__(self) -> None:
         if self.frame_skip < 1:
@@ -42,6 +45,7 @@ class EnvironmentConfig:
             raise UsageError(f"max_frames must be 0 or more, not {self.max_frames}")
         if self.max_noops < 0:
             raise UsageError(f"max_noops must be 0 or more, not {self.max_noops}")
+        names_of(self.variant)
 
 
 _WATCHED: dict[tuple[str, str, str, int] | None, tuple[Flicker, ...]] = {}
@@ -129,7 +133,7 @@ def make_env(
         return _ready(env, config, skips=False)
     spec = find_spec(env)
     # The emulator skips frames and repeats actions itself, several times faster than a wrapper.
-    skips = is_atari(spec) and config.max_frames == 1
+    skips = is_atari(spec) and config.max_frames == 1 and not config.variant
     made = make_seen(spec, render_mode, **(_emulated(config, skips=skips) if is_atari(spec) else {}))
     try:
         return _ready(made, config, skips=skips)
@@ -200,7 +204,7 @@ def _emulated(config: EnvironmentConfig, *, skips: bool) -> dict[str, Any]:
 
 def _ready(env: Env, config: EnvironmentConfig, *, skips: bool) -> Env:
     """Add to an environment what it does not do itself."""
-    env = as_rgb(env)
+    env = varied(as_rgb(env), config.variant)
     own, wanted = sticky_actions(env), config.sticky_actions
     if wanted is not None and wanted != own:
         if own:

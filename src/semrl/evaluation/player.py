@@ -51,12 +51,22 @@ class Player:
         tested = replace(self.config.evaluation, **conditions)
         return replace(self, config=replace(self.config, evaluation=tested))
 
+    @property
+    def variant(self) -> str:
+        """How the game is altered that it plays."""
+        tested = self.config.evaluation.variant
+        return self.config.environment.variant if tested is None else tested
+
     def new_env(self) -> Env:
         """Make the environment that it was trained on, begun and played as evaluation wants it; close it after use."""
         tested, environment = self.config.evaluation, self.config.environment
         sticky = environment.sticky_actions if tested.sticky_actions is None else tested.sticky_actions
         played = replace(
-            environment, max_noops=tested.max_noops, sticky_actions=sticky, max_frames=self.world.max_frames
+            environment,
+            max_noops=tested.max_noops,
+            sticky_actions=sticky,
+            max_frames=self.world.max_frames,
+            variant=self.variant,
         )
         return make_env(self.config.env, played)
 

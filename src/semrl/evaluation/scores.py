@@ -54,6 +54,7 @@ def evaluate(
     policy: Policy = "agent",
     exploration: float | None = None,
     sticky_actions: float | None = None,
+    variant: str | None = None,
     max_decisions: int | None = None,
     at: int | None = None,
     on_episode: Callable[[float], None] = lambda _: None,
@@ -61,14 +62,14 @@ def evaluate(
 ) -> EvaluationResult:
     """Play a run greedily and write ``evaluation.json`` into its folder.
 
-    Who plays, random and sticky actions, and a milestone stand in the file's name: see `result_path`. Number and seed
-    of the episodes do not, so the newest evaluation of a kind replaces the one before.
+    Who plays, random and sticky actions, a variant and a milestone stand in the file's name: see `result_path`.
+    Number and seed of the episodes do not, so the newest evaluation of a kind replaces the one before.
 
     Parameters
     ----------
     run
         Folder of the run; its newest checkpoint plays.
-    episodes, exploration, sticky_actions, max_decisions
+    episodes, exploration, sticky_actions, variant, max_decisions
         As in `EvaluationConfig`; the run's own when None.
     seed
         Of the episodes; when None, one that training did not use.
@@ -89,11 +90,13 @@ def evaluate(
     """
     if (episodes is not None and episodes < 1) or (seed is not None and seed < 0):
         raise UsageError(f"episodes must be 1 or more and seed 0 or more, not {episodes} and {seed}")
-    asked = {"episodes": episodes, "exploration": exploration, "sticky_actions": sticky_actions}
-    asked |= {"max_decisions": max_decisions}
+    asked: dict[str, Any] = {"episodes": episodes, "exploration": exploration, "sticky_actions": sticky_actions}
+    asked |= {"variant": variant, "max_decisions": max_decisions}
     player = _ready_player(run, policy, at, {name: value for name, value in asked.items() if value is not None})
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
-    path = result_path(run, policy=policy, exploration=exploration, sticky_actions=sticky_actions, at=at)
+    path = result_path(
+        run, policy=policy, exploration=exploration, sticky_actions=sticky_actions, variant=variant, at=at
+    )
     warn_unwritable(path)
     games: list[_Game] = []
     with limited_threads(player.config.threads), contextlib.closing(player.new_env()) as env:
@@ -124,7 +127,12 @@ def _conditions(player: Player, seed: int, world: World, games: Sequence["_Game"
     if cut:
         _warn_of_cuts(cut, player.config.evaluation)
     tested = {"decisions": player.decisions, "seed": seed, **asdict(player.config.evaluation)}
-    played = {"frame_skip": world.frame_skip, "max_frames": world.max_frames, "sticky_actions": world.sticky_actions}
+    played: dict[str, Any] = {
+        "frame_skip": world.frame_skip,
+        "max_frames": world.max_frames,
+        "sticky_actions": world.sticky_actions,
+    }
+    played |= {"variant": player.variant}
     return {**tested, **played, "cut": cut}
 
 
@@ -162,12 +170,14 @@ def result_path(
     policy: Policy = "agent",
     exploration: float | None = None,
     sticky_actions: float | None = None,
+    variant: str | None = None,
     at: int | None = None,
 ) -> Path:
     """Return where `evaluate` writes: ``evaluation.json``, or ``evaluation-planner-sticky-0.25-at-50000.json``."""
     shares = {"random": exploration, "sticky": sticky_actions}
     parts: list[str] = [] if policy == "agent" else [policy]
     parts += [f"{name}-{share:g}" for name, share in shares.items() if share is not None]
+    parts += [] if variant is None else [variant or "unaltered"]
     parts += [] if at is None else [f"at-{at}"]
     return Path(run) / f"{'-'.join(['evaluation', *parts])}.json"
 

@@ -59,6 +59,8 @@ class EvaluationConfig:
     """Probability of a random action; 0: the agent always does what it values most."""
     sticky_actions: float | None = None
     """Probability that a frame repeats the previous action (Machado et al. 2018); None: as in training."""
+    variant: str | None = None
+    """How the game is altered, see environment.variant; None: as in training."""
     max_decisions: int = 27_000
     """Decisions after which an episode is cut: 108,000 frames at frame skip 4, as is usual for Atari games."""
 
