@@ -8,6 +8,7 @@ import numpy as np
 
 from semrl.core.errors import MissingExtraError
 from semrl.evaluation.player import Policy
+from semrl.sweep import Trial
 from semrl.training.config import MODELS as ALL_MODELS
 from semrl_thesis.base import Context, Experiment, Scale
 from semrl_thesis.baselines import VIEWS, Match, View, compete, result_name
@@ -16,7 +17,7 @@ from semrl_thesis.ledger import Ledger
 from semrl_thesis.results import Number, Result
 from semrl_thesis.scores import LOST
 from semrl_thesis.sweep import RunSpec
-from semrl_thesis.trials import Outcome, Trial
+from semrl_thesis.trials import Outcome
 
 MODELS = ("objects", "objects-map")
 

@@ -4,11 +4,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from semrl.evaluation.player import Policy
+from semrl.sweep import Trial
 from semrl_thesis.base import Context, Experiment, Scale
 from semrl_thesis.frontier import TINY
 from semrl_thesis.results import Number, Result
 from semrl_thesis.sweep import RunSpec
-from semrl_thesis.trials import Trial
 
 MODEL = "objects-map"
 POLICIES: tuple[Policy, ...] = ("agent", "planner")

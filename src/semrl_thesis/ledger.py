@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 from semrl.core.errors import SemrlError
 from semrl.core.files import make_folder, write_text
 from semrl.core.strict_json import dumps
+from semrl.sweep import Trial
 from semrl.training import RunConfig, RunFolder
 from semrl.training.config import to_dict
 from semrl.training.metrics import RUNNING_MEAN_EPISODES, read_metrics
 from semrl_thesis.results import digest
 from semrl_thesis.sweep import RunSpec
-from semrl_thesis.trials import Outcome, Trial, outcome_of
+from semrl_thesis.trials import Outcome, outcome_of
 
 RUNS, TRIALS = "runs.csv", "trials.csv"
 

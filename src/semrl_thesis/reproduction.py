@@ -19,7 +19,7 @@ from semrl.core.files import make_folder
 from semrl.training.session import limited_threads
 from semrl_thesis.base import Context, Experiment, Scale
 from semrl_thesis.ledger import read_ledger
-from semrl_thesis.queue import Queue
+from semrl_thesis.queue import train_all
 from semrl_thesis.results import Result, Row, Section, digest, read_result, rows_of, write_result, write_rows
 from semrl_thesis.sweep import RunSpec, cheapest_first
 
@@ -68,7 +68,7 @@ class Reproduction:
 def discover() -> dict[str, Experiment]:
     """Return all experiments by name: every module of this package that has an ``EXPERIMENT``."""
     modules = [importlib.import_module(f"{semrl_thesis.__name__}.{module.name}")
-               for module in pkgutil.iter_modules(semrl_thesis.__path__) if module.name != "worker"]  # fmt: skip
+               for module in pkgutil.iter_modules(semrl_thesis.__path__)]  # fmt: skip
     found = [module.EXPERIMENT for module in modules if hasattr(module, "EXPERIMENT")]
     return {experiment.name: experiment for experiment in sorted(found, key=lambda e: e.place)}
 
@@ -114,9 +114,7 @@ def reproduce(
         for experiment in chosen:
             if not experiment.runs:
                 _result(experiment, context)
-        queue = Queue(out, workers=order.workers, say=say)
-        if order.workers:
-            queue.run_all(specs, context.ledger)
+        failures = train_all(specs, out, context.ledger, workers=order.workers, say=say) if order.workers else {}
         context = replace(context, ledger=read_ledger(context.folders))
         for experiment in chosen:
             if experiment.runs:
@@ -125,7 +123,7 @@ def reproduce(
     write_rows(out / "results.csv", [row for section in sections for row in section.rows])
     named = {experiment.name for experiment in chosen}
     rows = tuple(row for section in sections if section.name in named for row in section.rows)
-    return Reproduction(sections=sections, rows=rows, failures=queue.failed)
+    return Reproduction(sections=sections, rows=rows, failures=failures)
 
 
 def _tell_known(context: Context, specs: Sequence[RunSpec]) -> None:

@@ -4,9 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.stats import trim_mean
 
+from semrl.evaluation.statistics import interquartile_mean
 from semrl.training.config import MODELS
 from semrl.training.metrics import running_mean
 from semrl_thesis.base import Context, Experiment, Scale
@@ -28,8 +27,6 @@ TABLE = {
 
 LOST = -21
 """Return of a game in which no point is scored: what the thesis says of the planner alone."""
-
-RESAMPLES = 2000
 
 SWEEPS: dict[Scale, Sweep] = {
     "full": Sweep(
@@ -101,28 +98,6 @@ def measure(runs: Mapping[str, Sequence[RunSpec]], context: Context) -> Result:
     missing = [spec.id for specs in runs.values() for spec in specs if not context.ledger.score(spec)]
     notes = (f"not finished yet: {', '.join(missing)}",) if missing else ()
     return Result(values=values, figures=_figures(runs, context), notes=notes)
-
-
-def interquartile_mean(runs: Sequence[NDArray[np.float64]]) -> tuple[float, float | None, float | None]:
-    """Return the mean of all returns but the lowest and the highest quarter, and its 95 % interval.
-
-    The bootstrap draws runs anew, and within each of them episodes (after Agarwal et al., "Deep reinforcement learning
-    at the edge of the statistical precipice", NeurIPS 2021). Of one run it draws the episodes alone, so that it tells
-    nothing of other seeds; of one episode there is no interval.
-    """
-    if sum(map(len, runs)) < 2:
-        return _middle(runs), None, None
-    rng = np.random.default_rng(0)
-    drawn = [
-        _middle([rng.choice(runs[run], len(runs[run])) for run in rng.integers(len(runs), size=len(runs))])
-        for _ in range(RESAMPLES)
-    ]
-    low, high = np.quantile(drawn, (0.025, 0.975))
-    return _middle(runs), float(low), float(high)
-
-
-def _middle(runs: Sequence[NDArray[np.float64]]) -> float:
-    return float(trim_mean(np.concatenate(runs), 0.25))
 
 
 def _values(model: str, done: Sequence[RunSpec], context: Context) -> dict[str, float | None]:

@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from semrl.sweep import Trial
 from semrl.training import RunConfig, preset
 from semrl.training.config import MODELS, merge
-from semrl_thesis.trials import Trial
 
 CHEAPEST = ("ram", "objects", "semantic", "ram-map", "objects-map", "semantic-map", "otsu", "baseline", "birch")
 """Models, those whose decisions take least time first."""

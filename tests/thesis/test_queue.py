@@ -1,17 +1,12 @@
-import os
-import signal
-import subprocess
 import sys
 from dataclasses import replace
 
 import pytest
 
-from semrl.core.errors import SemrlError, UsageError
-from semrl.core.files import locked
-from semrl.training import RunFolder, train
+from semrl.training import train
 from semrl.training.config import MODELS, merge
 from semrl_thesis.ledger import read_ledger
-from semrl_thesis.queue import Queue
+from semrl_thesis.queue import train_all
 from semrl_thesis.scores import SWEEPS, TABLE
 from semrl_thesis.sweep import CHEAPEST, RunSpec, Sweep, cheapest_first
 
@@ -47,58 +42,28 @@ def test_every_run_of_a_sweep_has_a_configuration(scale):
         )
 
 
-def test_a_stopped_queue_goes_on_and_ends_as_if_nothing_had_happened(tmp_path):
+def test_finished_runs_are_entered_into_the_ledger(tmp_path):
     said = []
-
-    def say(text):
-        said.append(text)
-        if len(said) == 1:
-            os.kill(os.getpid(), signal.SIGTERM)
-
-    with pytest.raises(SemrlError, match="the same command goes on"):
-        Queue(tmp_path, workers=2, say=say).run_all([SPEC], NOTHING)
-    assert said == ["run 1 of 1: semrl-semantic-3, 300 decisions"]
-    queue = Queue(tmp_path, workers=1, say=said.append)
-    queue.run_all([SPEC], read_ledger([tmp_path]))
+    assert train_all([SPEC], tmp_path, NOTHING, workers=1, say=said.append) == {}
     ledger = read_ledger([tmp_path])
     score = ledger.score(SPEC)
-    assert not queue.failed
     assert score is not None
     assert len(ledger.episodes(SPEC)) == score.episodes > 0
-    queue.run_all([SPEC], ledger)  # nothing to be done, so nothing is said
-    assert len(said) == 3
+    assert said[0] == "run 1 of 1: semrl-semantic-3, 300 decisions"
+    assert said[-1].startswith("semrl-semantic-3 finished after")
+    again = []
+    train_all([SPEC], tmp_path, ledger, workers=1, say=again.append)  # nothing to be done, so nothing is said
+    assert again == []
 
     other = tmp_path / "unbroken"  # a run that is trained already is only entered
     (other / "runs").mkdir(parents=True)
     train(other / "runs" / SPEC.id, SPEC.config())
-    Queue(other, workers=1, say=said.append).run_all([SPEC], NOTHING)
+    train_all([SPEC], other, NOTHING, workers=1, say=again.append)
     unbroken = read_ledger([other]).score(SPEC)
-    assert len(said) == 4
+    assert len(again) == 1
     assert replace(unbroken, seconds=score.seconds) == score
 
 
-@pytest.mark.slow
-def test_a_worker_does_not_outlive_who_started_it(tmp_path):
-    """Standard input is at its end from the beginning, as when the queue was killed."""
-    words = [sys.executable, "-m", "semrl_thesis.worker", str(tmp_path / "run"), str(tmp_path / "none.toml"), "[]"]
-    ended = subprocess.run(words, stdin=subprocess.DEVNULL, capture_output=True, timeout=120, check=False)
-    assert ended.returncode != 0
-
-
-def test_a_run_that_fails_is_told_and_the_others_are_done(tmp_path, monkeypatch):
+def test_a_run_that_fails_is_told(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "executable", "/bin/false")
-    queue = Queue(tmp_path, workers=2, say=lambda _: None)
-    queue.run_all([SPEC], NOTHING)
-    assert queue.failed == {SPEC.id: "exit status 1"}
-
-
-def test_a_run_with_other_settings_is_not_gone_on_with(tmp_path):
-    (tmp_path / "runs").mkdir()
-    RunFolder.create(tmp_path / "runs" / SPEC.id, TINY.config())
-    with pytest.raises(UsageError, match="begun with other settings"):
-        Queue(tmp_path, workers=1, say=lambda _: None).run_all([SPEC], NOTHING)
-
-
-def test_two_queues_do_not_share_a_folder(tmp_path):
-    with locked(tmp_path / "lock", ""), pytest.raises(UsageError, match="worked on by another process"):
-        Queue(tmp_path, workers=1, say=lambda _: None).run_all([SPEC], NOTHING)
+    assert train_all([SPEC], tmp_path, NOTHING, workers=2, say=lambda _: None) == {SPEC.id: "exit status 1"}

@@ -4,9 +4,7 @@ import json
 import sys
 from dataclasses import replace
 
-import numpy as np
 import pytest
-from scipy.stats import trim_mean
 
 from semrl.cli import main
 from semrl.evaluation import evaluate
@@ -16,7 +14,7 @@ from semrl_thesis.base import Context
 from semrl_thesis.ledger import Ledger, read_ledger
 from semrl_thesis.reproduction import discover
 from semrl_thesis.results import Result, read_result, rows_of, write_result
-from semrl_thesis.scores import SWEEPS, interquartile_mean
+from semrl_thesis.scores import SWEEPS
 
 THESIS = {
     "pca/explained-variance": 99, "birch/batches": 577, "birch/leaves": 14, "birch/classes": 10,
@@ -150,19 +148,6 @@ def test_a_damaged_ledger(tmp_path, call):
     told = call("reproduce", "scores", "--scale", "tiny", "--out", tmp_path)
     assert told.status == 1
     assert "runs.csv is damaged" in told.message
-
-
-def test_interquartile_mean_and_its_interval():
-    rng = np.random.default_rng(0)
-    runs = [rng.normal(size=10), rng.normal(size=10) + 3]
-    mean, low, high = interquartile_mean(runs)
-    assert mean == pytest.approx(trim_mean(np.concatenate(runs), 0.25))
-    assert low < mean < high
-    assert interquartile_mean(runs) == (mean, low, high)
-    # Runs are drawn as well: two that never vary may both be the one or the other.
-    assert interquartile_mean([np.zeros(8), np.full(8, 4.0)]) == (2, 0, 4)
-    assert interquartile_mean([np.full(8, 4.0)]) == (4, 4, 4)
-    assert interquartile_mean([np.array([21.0])]) == (21, None, None)
 
 
 def test_without_runs_there_is_no_number(tmp_path):

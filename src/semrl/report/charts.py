@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import matplotlib as mpl
 from markupsafe import Markup
 
+from semrl.evaluation.statistics import Profile
 from semrl.report.record import Series
 from semrl.report.svg import STYLE, as_svg, label_axes, new_figure
 from semrl.training.metrics import running_mean
@@ -69,4 +70,18 @@ def prediction_path(explained: Mapping[int, float], *, title: str) -> Markup:
         axes.set_xlim(left=0)
         axes.set_ylim(min(0, *explained.values()), 1.05)
         label_axes(axes, "decisions ahead", "share predicted")
+        return as_svg(figure, title)
+
+
+def profile_chart(profiles: Mapping[str, Profile], *, colours: Sequence[str], xlabel: str, title: str) -> Markup:
+    """Draw which share of each agent's runs scores more than a threshold, with its interval as a band."""
+    with mpl.rc_context(STYLE):
+        figure, axes = new_figure((360, 260))
+        for profile, colour in zip(profiles.values(), colours, strict=True):
+            axes.fill_between(
+                profile.thresholds, profile.low, profile.high, step="post", color=colour, alpha=0.18, lw=0
+            )
+            axes.step(profile.thresholds, profile.share, where="post", color=colour, linewidth=1.8)
+        axes.set_ylim(-0.02, 1.05)
+        label_axes(axes, xlabel, "share of runs above", integer=False)
         return as_svg(figure, title)

@@ -27,6 +27,12 @@ def number(value: float, digits: int = 1) -> str:
     return (text if text != "-0" else "0").replace("-", "−")
 
 
+def interval(value: float | None, low: float | None, high: float | None) -> tuple[str, str]:
+    """Write a value and the ends of its interval; a dash for what is not known."""
+    ends = "–" if low is None or high is None else f"{number(low, 2)} to {number(high, 2)}"
+    return "–" if value is None else number(value, 2), ends
+
+
 def duration(seconds: float) -> str:
     """Write a duration in the unit that fits."""
     for size, unit in ((86400, "days"), (3600, "hours"), (60, "minutes")):

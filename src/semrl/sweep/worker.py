@@ -1,4 +1,4 @@
-"""One run of the queue, in a process of its own: ``python -m semrl_thesis.worker RUN CONFIG TRIALS``.
+"""One run of many, in a process of its own: ``python -m semrl.sweep.worker ID RUN CONFIG TRIALS``.
 
 It goes on where the run stands, saves when it is told to stop, and stops when whoever started it is gone.
 """
@@ -12,25 +12,22 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from semrl.core.errors import SemrlError
-from semrl.core.files import wait_until_unlocked
-from semrl.training import train
+from semrl.sweep.task import Task
+from semrl.sweep.trials import Trial
 from semrl.training.config import from_dict, read_toml
-from semrl_thesis.trials import Trial
 
 
 def main(argv: Sequence[str]) -> int:
-    """Train, then hold the trials, a JSON list, that were not held yet. Return the exit status."""
+    """Do a task; its trials are a JSON list. Return the exit status."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    run, config, trials = Path(argv[0]), Path(argv[1]), [Trial(**trial) for trial in json.loads(argv[2])]
+    id_, run, config, trials = argv
     try:
-        if run.exists():
-            wait_until_unlocked(run / "lock")  # a worker whose queue was killed saves before it lets go
-            train(run)
-        else:
-            train(run, from_dict(read_toml(config), source=str(config)))
-        for trial in trials:
-            if not trial.was_held(run):
-                trial.hold(run)
+        Task(
+            id=id_,
+            run=Path(run),
+            config=from_dict(read_toml(Path(config)), source=config),
+            trials=tuple(Trial(**trial) for trial in json.loads(trials)),
+        ).work()
     except SemrlError as error:
         print(f"{error}", file=sys.stderr)
         return 1
