@@ -6,7 +6,7 @@ DECISIONS ?= 50000
 export OMP_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-slow check format bench clean
+.PHONY: help install demo test test-slow check docs format bench clean
 
 help:  ## say what there is
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 14
@@ -15,7 +15,7 @@ install: .venv/.installed  ## make .venv with everything in it
 
 .venv/.installed: pyproject.toml constraints.txt
 	test -d .venv || $(PYTHON) -m venv .venv
-	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,thesis,sb3,tensorboard]'
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,docs,thesis,sb3,tensorboard]'
 	touch $@
 
 demo: install  ## train on Pong for a few minutes, evaluate, write a report
@@ -34,6 +34,9 @@ check: install  ## format, lint, types, import layers
 	$(BIN)/ruff check src tests benchmarks examples
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+docs: install  ## the documentation site, build/site/index.html; a warning is an error
+	$(BIN)/sphinx-build -q -W --keep-going -b html -d build/doctrees docs build/site
 
 format: install  ## put the code in shape
 	$(BIN)/ruff format src tests benchmarks examples

@@ -93,7 +93,7 @@ def _look(text: str) -> dict[str, Any]:
         installed: str | None = version(name)
     except PackageNotFoundError:
         installed = None
-    problem = _problem(name, installed, needed, used=extra != "dev")
+    problem = _problem(name, installed, needed, used=extra not in ("dev", "docs"))
     return {
         "package": name,
         "installed": installed,

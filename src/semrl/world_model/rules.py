@@ -29,6 +29,10 @@ class Rule:
     error: float
     """Root mean squared error in them."""
 
+    def __str__(self) -> str:
+        """Say it in one line."""
+        return f"{self.about}: {sentence(self)}"
+
 
 def feature_names(names: Sequence[str], past_states: int, past_actions: int, relations: Relations) -> list[str]:
     """Name the columns of `semrl.world_model.tree_kernels.lay_out`."""
