@@ -27,6 +27,7 @@ COMMANDS = {
     "predict": ("predict", "how far a run's model of the world sees ahead, on new episodes"),
     "explain": ("explain", "why a run took one decision, as text or as a page"),
     "sweep": ("sweep", "many runs side by side, on this machine or on many, and their scores"),
+    "watch": ("watch", "a live page: what it sees, thinks and does, and you may take part"),
     "doctor": ("doctor", "versions, threads, what is missing and how to get it"),
 }
 """Command → module of this package and what it does. Modules are imported when called: torch is slow to load."""

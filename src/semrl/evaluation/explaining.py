@@ -77,6 +77,35 @@ def explain(
         return _laid_open(player, played, run=str(run), policy=policy, seed=seed, episode=episode, step=step)
 
 
+def explain_played(
+    player: Player, steps: Sequence[Step], sight: Sight, *, run: str, policy: Policy, seed: int, episode: int
+) -> Explanation:
+    """Explain the first decision of steps that were played already.
+
+    Parameters
+    ----------
+    player
+        Played them, in the episode that its planning module is in.
+    steps
+        From the decision on, one or more decisions of one episode; no more of them count than scenarios have.
+    sight
+        What was seen at the first.
+    run, policy, seed, episode
+        Of the episode; see `explain`.
+
+    Raises
+    ------
+    UsageError
+        When the run has no map or cannot predict yet, or there is no decision.
+    """
+    depth = player.require_predictions(run).planner.depth
+    shown = steps[: depth + 1]
+    if len(shown) < 2:
+        raise UsageError("there is no decision to explain: nothing was done here yet")
+    played = _Played(steps=shown, sight=sight, ended=shown[-1].done)
+    return _laid_open(player, played, run=run, policy=policy, seed=seed, episode=episode, step=shown[0].number)
+
+
 def _laid_open(
     player: Player, played: "_Played", *, run: str, policy: Policy, seed: int, episode: int, step: int
 ) -> Explanation:

@@ -2,7 +2,7 @@
 
 import contextlib
 import itertools
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -81,9 +81,9 @@ class Player:
 
         Without `env`, one of `new_env`, the episode has an environment of its own, which is closed at its end.
         """
-        rng = np.random.default_rng([seed, number])
         with contextlib.nullcontext(env) if env else contextlib.closing(self.new_env()) as world:
-            yield from self.play(Game(world, int(rng.integers(2**31))), rng, policy)
+            game, rng = evaluation_game(world, number, seed)
+            yield from self.play(game, rng, policy)
 
     def play(self, game: Game, rng: np.random.Generator, policy: Policy = "agent") -> Iterator[Step]:
         """Play one episode and yield every step of it, beginning with the first observation.
@@ -91,17 +91,21 @@ class Player:
         It ends with the game or, in a game that does not end, after `EvaluationConfig.max_decisions`; the last step
         then is not ``done``.
         """
+        return self.play_by(game, self.view(), lambda step: self.decide(step, game.n_actions, rng, policy))
 
-        def choose(step: Step) -> int:
-            explore = rng.random() < self.config.evaluation.exploration
-            return int(rng.integers(game.n_actions)) if explore else self.choose(step, policy)
-
-        steps = play(game, self.view(), choose)
+    def play_by(self, game: Game, view: EpisodeView, choose: Callable[[Step], int]) -> Iterator[Step]:
+        """Play one episode as `play` does, as somebody else decides."""
+        steps = play(game, view, choose)
         return itertools.islice(steps, self.config.evaluation.max_decisions + 1)  # and the first observation
 
     def view(self) -> EpisodeView:
         """Begin an episode that is seen and planned in, without learning."""
         return EpisodeView(self.encoder, self.planning)
+
+    def decide(self, step: Step, n_actions: int, rng: np.random.Generator, policy: Policy) -> int:
+        """Return what is done in an evaluation: what the agent or the planner would do or, by chance, anything."""
+        explore = rng.random() < self.config.evaluation.exploration
+        return int(rng.integers(n_actions)) if explore else self.choose(step, policy)
 
     def choose(self, step: Step, policy: Policy) -> int:
         """Return the action that the agent or the planner would take."""
@@ -137,6 +141,12 @@ class Player:
         if not planning.world_model.is_fitted:
             raise UsageError(f"{run} cannot predict anything yet, so there are no plans: it needs more decisions")
         return planning
+
+
+def evaluation_game(env: Env, number: int, seed: int) -> tuple[Game, np.random.Generator]:
+    """Return the game of an episode of an evaluation, and the generator of what chance decides in it."""
+    rng = np.random.default_rng([seed, number])
+    return Game(env, int(rng.integers(2**31))), rng
 
 
 def load_encoder(run: str | Path) -> Encoder:

@@ -1,7 +1,8 @@
 """A video of an episode: the frame with its objects and what the planner imagines, beside what the agent sees."""
 
 import contextlib
-from collections.abc import Callable, Iterator
+import itertools
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,11 @@ import imageio.v3 as iio
 import numpy as np
 from PIL import Image as Picture
 
-from semrl.core import IMAGE_SIZE_PX, Frame, Ints, Sight, StateSpace
+from semrl.core import IMAGE_SIZE_PX, Floats, Frame, Ints, Sight, StateSpace
 from semrl.core.errors import SemrlError, UsageError
 from semrl.core.files import temporary_name
 from semrl.evaluation.player import load_player
 from semrl.evaluation.sight import CLASS_COLOURS, look
-from semrl.perception.encoders import Encoder
 from semrl.training.loop import Step
 
 VIDEO_RATE = 30
@@ -53,12 +53,32 @@ def recorder(run: Path, video: Path | None) -> Iterator[Callable[[int, Step], No
     if video is None:
         yield lambda _episode, _step: None
         return
+    with _filming(video) as film:
+        encoder = load_player(run).encoder
+        eyes = encoder.begin()
+
+        def on_step(episode: int, step: Step) -> None:
+            if episode == 0 and film.n_frames < MAX_VIDEO_FRAMES:
+                film.add(compose(encoder.space, step, look(eyes, step.observation)[1]))
+
+        yield on_step
+
+
+def write_video(video: Path, space: StateSpace, moments: Iterable[tuple[Step, Sight]]) -> None:
+    """Write what was played and seen as an ``.mp4`` or ``.gif`` file; see `recorder`."""
+    with _filming(video) as film:
+        for step, sight in itertools.islice(moments, MAX_VIDEO_FRAMES):
+            film.add(compose(space, step, sight))
+
+
+@contextlib.contextmanager
+def _filming(video: Path) -> Iterator["_Film"]:
+    """Give a film to add pictures to; it is the file when the block ends well, and nothing else."""
     temporary = _writable(video)
     try:
         kind = _Gif if video.suffix.lower() == ".gif" else _Film
-        film = kind(temporary, load_player(run).encoder)
-        with contextlib.closing(film):
-            yield film.on_step
+        with contextlib.closing(kind(temporary)) as film:
+            yield film
         if film.n_frames:
             temporary.replace(video)
     except av.FFmpegError as error:
@@ -84,17 +104,13 @@ def _writable(video: Path) -> Path:
 class _Film:
     """A video that grows frame by frame."""
 
-    def __init__(self, path: Path, encoder: Encoder) -> None:
+    def __init__(self, path: Path) -> None:
         self.path = path
-        self.encoder = encoder
-        self.episode = encoder.begin()
         self.n_frames = 0
         self._file: Any = None
 
-    def on_step(self, episode: int, step: Step) -> None:
-        if episode > 0 or self.n_frames >= MAX_VIDEO_FRAMES:
-            return
-        self._add(compose(self.encoder.space, step, look(self.episode, step.observation)[1]))
+    def add(self, picture: Frame) -> None:
+        self._add(picture)
         self.n_frames += 1
 
     def _add(self, picture: Frame) -> None:
@@ -111,8 +127,8 @@ class _Film:
 class _Gif(_Film):
     """A short animated picture, for pages that show no videos."""
 
-    def __init__(self, path: Path, encoder: Encoder) -> None:
-        super().__init__(path, encoder)
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
         self._pictures: list[Picture.Image] = []
 
     def _add(self, picture: Frame) -> None:
@@ -165,15 +181,31 @@ def _mark(frame: Frame, sight: Sight) -> Frame:
 
 def _draw_plan(canvas: Frame, space: StateSpace, step: Step) -> None:
     """Draw the way that the best scenario predicts for each object whose place is among the facts."""
+    for way in imagined_ways(space, step):
+        places = np.rint(way * (canvas.shape[1] - 1, canvas.shape[0] - 1)).astype(np.int32)
+        cv2.polylines(canvas, [places], False, _LIGHT, 1, cv2.LINE_AA)
+        for place in places[1:].tolist():
+            cv2.circle(canvas, place, 2, _LIGHT, -1, cv2.LINE_AA)
+
+
+def imagined_ways(space: StateSpace, step: Step) -> list[Floats]:
+    """Return the way that the best scenario predicts for each object that it moves.
+
+    Returns
+    -------
+    list of ndarray
+        ``(t + 1, 2)`` float32 each: x and y as shares of the frame, the present place first. There are none where there
+        is no plan, or no object's place is among the facts.
+    """
     if step.record is None or step.record.plan is None or space.axes is None:
-        return
+        return []
     states = np.concatenate([step.record.history.states[:1], step.record.plan.scenarios.states[0]])  # (t + 1, k)
-    for x in np.flatnonzero(space.axes[:-1] == 0)[: len(space.names)]:
-        if space.axes[x + 1] == 1 and np.ptp(states[:, x : x + 2], axis=0).any():
-            places = np.rint(states[:, x : x + 2] * (canvas.shape[1] - 1, canvas.shape[0] - 1)).astype(np.int32)
-            cv2.polylines(canvas, [places], False, _LIGHT, 1, cv2.LINE_AA)
-            for place in places[1:].tolist():
-                cv2.circle(canvas, place, 2, _LIGHT, -1, cv2.LINE_AA)
+    places = [
+        states[:, x : x + 2]
+        for x in np.flatnonzero(space.axes[:-1] == 0)[: len(space.names)].tolist()
+        if space.axes[x + 1] == 1
+    ]
+    return [way for way in places if np.ptp(way, axis=0).any()]
 
 
 def _shown(space: StateSpace, step: Step, sight: Sight, side: int) -> Frame:

@@ -1,0 +1,222 @@
+"""A run being watched: it plays on, goes back, and lets a person decide. It knows neither servers nor threads."""
+
+import itertools
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from semrl.core import Sight
+from semrl.core.errors import UsageError
+from semrl.envs import Game
+from semrl.evaluation.explaining import explain_played
+from semrl.evaluation.explanation import Explanation
+from semrl.evaluation.player import Player, Policy, evaluation_game
+from semrl.evaluation.scores import EVALUATION_SEED
+from semrl.evaluation.video import write_video
+from semrl.training.loop import EpisodeView, Step
+from semrl.watch.keys import action_for, keys_of
+
+MOST_KEPT = 600
+"""Moments that are kept to go back to."""
+MOST_KEPT_BYTES = 128 * 2**20
+"""Of their frames together: large ones are kept for fewer moments."""
+
+Decider = Literal["agent", "planner", "person"]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Moment:
+    """Where play stands after a decision, or at the beginning of an episode."""
+
+    number: int
+    """Of all moments of the session, from 0."""
+    episode: int
+    """Of the evaluation, from 0."""
+    step: Step
+    sight: Sight
+    """What was seen in its frame."""
+    by: Decider | None
+    """Who took the decision that led here; None at the beginning."""
+
+
+class WatchSession:
+    """Plays the episodes of an evaluation, one after the other, and keeps the last moments.
+
+    Parameters
+    ----------
+    player
+        Plays.
+    run
+        Name of its run, for people.
+    seed
+        Of the episodes: those of ``semrl eval`` with this seed. Its own default when None.
+    policy
+        Who decides while no person does.
+    episode
+        The first one, from 0.
+
+    Attributes
+    ----------
+    policy
+        Who decides while no person does; see `decide_by`.
+    person : bool
+        Whether a person decides, by the keys in `held`.
+    held : frozenset of str
+        Keys that the person holds, as browsers call them.
+    keys : list of frozenset of str
+        Those that must be held for each action.
+
+    Raises
+    ------
+    UsageError
+        When the run has not learned to see, or the planner is to decide and cannot.
+    """
+
+    def __init__(
+        self, player: Player, run: str, *, seed: int | None = None, policy: Policy = "agent", episode: int = 0
+    ) -> None:
+        if player.perceiving:
+            raise UsageError(f"{run} has not learned to see yet, so there is nothing to watch: it needs more decisions")
+        if min(episode, seed or 0) < 0:
+            raise UsageError(f"seed and episode must be 0 or more, not {seed} and {episode}")
+        self.player = player
+        self.run = run
+        self.seed = player.config.seed + EVALUATION_SEED if seed is None else seed
+        self.keys = keys_of(player.action_names)
+        self.held: frozenset[str] = frozenset()
+        self.person = False
+        self.policy: Policy = policy
+        self.decide_by(policy)
+        self._kept: deque[Moment] = deque()
+        self._behind = 0
+        self._by: Decider | None = None
+        self._env = player.new_env()
+        self._begin(episode)
+
+    def close(self) -> None:
+        """Close the environment."""
+        self._env.close()
+
+    @property
+    def moment(self) -> Moment:
+        """What is shown: the newest moment, or one before it."""
+        return self._kept[-1 - self._behind]
+
+    @property
+    def kept(self) -> tuple[int, int]:
+        """Numbers of the oldest and the newest moment that are kept."""
+        return self._kept[0].number, self._kept[-1].number
+
+    def decide_by(self, policy: Policy) -> None:
+        """Let agent or planner decide from here on.
+
+        Raises
+        ------
+        UsageError
+            When there is no planner that can.
+        """
+        if policy not in ("agent", "planner"):
+            raise UsageError("either the agent or the planner decides")
+        if policy == "planner":
+            self.player.require_predictions(self.run)
+        self.policy = policy
+
+    def step(self) -> Moment:
+        """Go on by a decision: to the next moment that is kept or, from the newest, by playing.
+
+        After the end of an episode the next one begins.
+        """
+        if self._behind:
+            self._behind -= 1
+        elif (step := next(self._steps, None)) is not None:
+            self._keep(step, self._by)
+        else:
+            self._begin(self._kept[-1].episode + 1)
+        return self.moment
+
+    def back(self) -> Moment:
+        """Go back by a decision, as far as moments are kept."""
+        return self.show(self.moment.number - 1)
+
+    def show(self, number: int) -> Moment:
+        """Go to a moment, or to the nearest that is kept; a high number leads to the newest."""
+        self._behind = min(max(self.kept[1] - number, 0), len(self._kept) - 1)
+        return self.moment
+
+    def new_episode(self) -> Moment:
+        """Leave this episode and begin the next one."""
+        self._begin(self._kept[-1].episode + 1)
+        return self.moment
+
+    def following(self, count: int) -> list[Moment]:
+        """Return what is shown and up to so many moments of the same episode after it."""
+        after = itertools.islice(self._kept, len(self._kept) - 1 - self._behind, None)
+        return [m for m in itertools.islice(after, count + 1) if m.episode == self.moment.episode]
+
+    def before(self, count: int) -> list[Moment]:
+        """Return up to so many moments of the same episode before what is shown, and it; the oldest first."""
+        at = len(self._kept) - 1 - self._behind
+        episode = self.moment.episode
+        return [m for m in itertools.islice(self._kept, max(at - count, 0), at + 1) if m.episode == episode]
+
+    def explain(self) -> Explanation:
+        """Explain the decision that was taken at the moment shown; at the newest it is taken first.
+
+        Raises
+        ------
+        UsageError
+            When the run has no map or cannot predict, a person took the decision, or the episode is over here.
+        """
+        planning = self.player.require_predictions(self.run)
+        if not self._behind and not self.moment.step.done:
+            self.step()
+            self.back()
+        moments = self.following(planning.planner.depth)
+        by = moments[1].by if len(moments) > 1 else None
+        if by is None:
+            raise UsageError("there is no decision to explain: the episode is over here")
+        if by == "person":
+            raise UsageError("there is nothing to explain: a person took this decision")
+        ours = itertools.takewhile(lambda m: m.by != "person", moments[1:])
+        return explain_played(
+            self.player,
+            [self.moment.step, *(m.step for m in ours)],
+            self.moment.sight,
+            run=self.run,
+            policy=by,
+            seed=self.seed,
+            episode=self.moment.episode,
+        )
+
+    def write_video(self, path: Path, count: int) -> None:
+        """Film up to so many moments of the episode up to what is shown, as ``.mp4`` or ``.gif``; see `write_video`."""
+        write_video(path, self.player.encoder.space, ((m.step, m.sight) for m in self.before(count)))
+
+    def _begin(self, episode: int) -> None:
+        game, self._rng = evaluation_game(self._env, episode, self.seed)
+        self._view = self.player.view()
+        self._steps = self._played(game, self._view)
+        self._episode = episode
+        self._behind = 0
+        self._keep(next(self._steps), None)
+
+    def _played(self, game: Game, view: EpisodeView) -> Iterator[Step]:
+        return self.player.play_by(game, view, lambda step: self._choose(step, game.n_actions))
+
+    def _choose(self, step: Step, n_actions: int) -> int:
+        """Let the person decide, or, where no key is held that means something, whoever else does."""
+        action = action_for(self.held, self.keys) if self.person else None
+        self._by = self.policy if action is None else "person"
+        return self.player.decide(step, n_actions, self._rng, self.policy) if action is None else action
+
+    def _keep(self, step: Step, by: Decider | None) -> None:
+        number = self._kept[-1].number + 1 if self._kept else 0
+        sight = self._view.look()
+        self._kept.append(Moment(number=number, episode=self._episode, step=step, sight=sight, by=by))
+        most = max(2, min(MOST_KEPT, MOST_KEPT_BYTES // np.asarray(step.observation.frame).nbytes))
+        while len(self._kept) > most:
+            self._kept.popleft()

@@ -1,0 +1,243 @@
+"""What the page is told: of a session once, and of every moment that is shown."""
+
+import math
+from typing import Any
+
+import cv2
+import numpy as np
+
+from semrl import __version__
+from semrl.core import IMAGE_SIZE_PX, Floats, Frame, MapGraph, Plan
+from semrl.evaluation.rules import unit_of
+from semrl.evaluation.sight import CLASS_COLOURS
+from semrl.evaluation.video import imagined_ways
+from semrl.planning import reason
+from semrl.training.loop import Step
+from semrl.watch.session import WatchSession
+
+MOST_NODES, MOST_EDGES = 3_000, 6_000
+"""Of a map that are drawn: those that stand for most of what was lived."""
+SCENARIOS_SHOWN = 4
+FACTS_SHOWN = 60
+TRAIL_DECISIONS = 24
+"""For so many decisions the page shows where things came from, and what came."""
+LARGEST_PNG_PX = 320 * 240
+"""Larger frames go as JPEG."""
+
+
+def about(session: WatchSession) -> dict[str, Any]:
+    """Return what stays as it is while a session lasts: who plays what, the actions and their keys, the map."""
+    player = session.player
+    planning = player.planning
+    can_predict = planning is not None and len(planning.state_map.graph_) > 0 and planning.world_model.is_fitted
+    return {
+        "type": "about",
+        "version": __version__,
+        "run": session.run,
+        "env": player.config.env,
+        "model": player.config.model,
+        "decisions": player.decisions,
+        "seed": session.seed,
+        "actions": list(player.action_names),
+        "keys": [sorted(keys) for keys in session.keys],
+        "policies": ["agent", "planner"] if can_predict else ["agent"],
+        "colours": [list(colour) for colour in CLASS_COLOURS],
+        "map": drawn_map(planning.state_map.graph_, planning.routes.goals) if planning else None,
+    }
+
+
+def of_moment(session: WatchSession) -> dict[str, Any]:
+    """Return what is shown of a moment, all of it of what JSON knows."""
+    moment, player = session.moment, session.player
+    step = moment.step
+    oldest, newest = session.kept
+    names = player.action_names
+    return {
+        "type": "moment",
+        "number": moment.number,
+        "oldest": oldest,
+        "newest": newest,
+        "episode": moment.episode,
+        "decision": step.number,
+        "action": None if step.action is None else names[step.action],
+        "by": moment.by,
+        "reward": step.reward,
+        "return": step.total,
+        "over": step.done,
+        "person": session.person,
+        "policy": session.policy,
+        "objects": _objects(session),
+        "facts": _facts(session),
+        "values": _values(session),
+        "plan": _plan(session),
+        "ways": [np.round(way, 4).tolist() for way in imagined_ways(player.encoder.space, step)],
+        "trail": _trail(session),
+        "came": _came(session),
+        "place": _place(session, step),
+    }
+
+
+def picture(frame: Frame) -> bytes:
+    """Return a frame as PNG, large ones as JPEG."""
+    kind = ".png" if frame.shape[0] * frame.shape[1] <= LARGEST_PNG_PX else ".jpg"
+    _, encoded = cv2.imencode(kind, frame[..., ::-1])
+    return encoded.tobytes()
+
+
+def drawn_map(graph: MapGraph, goals: np.ndarray[Any, np.dtype[np.bool_]]) -> dict[str, Any]:
+    """Lay a map out on a square.
+
+    Returns
+    -------
+    dict
+        Of each node drawn its position in the graph (``node``), ``x`` and ``y`` in 0 … 1, its id, states and whether a
+        gain begins there; ``edges`` as pairs of places in these lists; ``nodes_in_all``, ``edges_in_all``.
+    """
+    drawn = np.sort(np.argsort(-graph.node_counts, kind="stable")[:MOST_NODES])
+    place = np.full(len(graph), -1)
+    place[drawn] = np.arange(len(drawn))
+    edges = np.argsort(-graph.edge_counts, kind="stable")
+    ends = place[np.column_stack([graph.sources, graph.targets])[edges]]
+    ends = ends[(ends >= 0).all(axis=1) & (ends[:, 0] != ends[:, 1])][:MOST_EDGES]
+    places = np.round(_flattened(graph.node_means[drawn]), 4)
+    return {
+        "node": drawn.tolist(),
+        "x": places[:, 0].tolist(),
+        "y": places[:, 1].tolist(),
+        "id": graph.node_ids[drawn].tolist(),
+        "states": graph.node_counts[drawn].tolist(),
+        "gain": goals[drawn].tolist(),
+        "edges": np.unique(ends, axis=0).tolist(),
+        "nodes_in_all": len(graph),
+        "edges_in_all": len(graph.edge_ids),
+    }
+
+
+def _flattened(means: Floats | np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Return places in a unit square, ``(n, 2)``: the two directions in which the nodes differ most."""
+    if not len(means):
+        return np.zeros((0, 2))
+    centred = means - means.mean(axis=0)
+    _, _, directions = np.linalg.svd(centred, full_matrices=False)
+    flat = np.zeros((len(means), 2))
+    known = directions[:2]
+    flat[:, : len(known)] = centred @ known.T
+    ranks = flat - flat.min(axis=0)
+    return np.asarray(ranks / np.maximum(ranks.max(axis=0), 1e-12))
+
+
+def _objects(session: WatchSession) -> list[dict[str, Any]]:
+    """Tell boxes as shares of the frame: left, top, width, height."""
+    sight = session.moment.sight
+    boxes = np.round(sight.boxes_px[:, [1, 0, 3, 2]] / IMAGE_SIZE_PX, 4).tolist()
+    kinds = sight.classes.tolist() or [None] * len(boxes)
+    names = sight.names or ("",) * len(boxes)
+    return [{"box": box, "kind": kind, "name": name} for box, kind, name in zip(boxes, kinds, names, strict=True)]
+
+
+def _facts(session: WatchSession) -> list[dict[str, Any]]:
+    """Tell the named numbers of the state and their last change, in the unit of the rules."""
+    step, unit = session.moment.step, unit_of(session.player)
+    names = session.player.encoder.space.names[:FACTS_SHOWN]
+    if step.state is None or not names:
+        return []
+    now = step.state.facts[: len(names)]
+    before = session.before(1)[0].step.state
+    last = now if before is None else before.facts[: len(names)]
+    return [
+        {"name": name, "value": _rounded(value / unit), "change": _rounded((value - old) / unit)}
+        for name, value, old in zip(names, now.tolist(), last.tolist(), strict=True)
+    ]
+
+
+def _values(session: WatchSession) -> dict[str, Any] | None:
+    shown = session.moment.step.shown
+    if shown is None:
+        return None
+    values = session.player.agent.action_values(shown)
+    return {"of": [_rounded(value) for value in values.tolist()], "best": int(values.argmax())}
+
+
+def _plan(session: WatchSession) -> dict[str, Any] | None:
+    """Tell the best scenarios, of equal ones the first, and why the first is the first."""
+    record = session.moment.step.record
+    if record is None or record.plan is None:
+        return None
+    plan, names = record.plan, session.player.action_names
+    _, different = np.unique(plan.scenarios.actions, axis=0, return_index=True)
+    return {
+        "scenarios": [_scenario(plan, i, names) for i in np.sort(different)[:SCENARIOS_SHOWN].tolist()],
+        "compared": len(plan.scenarios),
+        "reason": reason(plan),
+    }
+
+
+def _scenario(plan: Plan, i: int, names: tuple[str, ...]) -> dict[str, Any]:
+    doubts = plan.scenarios.uncertainties
+    return {
+        "actions": [names[action] for action in plan.scenarios.actions[i].tolist()],
+        "rewards": [_rounded(reward) for reward in plan.scenarios.rewards[i].tolist()],
+        "return": _rounded(float(plan.returns[i])),
+        "uncertainty": None if doubts is None else _rounded(float(doubts[i])),
+    }
+
+
+def _trail(session: WatchSession) -> list[list[list[float]]]:
+    """Tell the ways by which the objects came here, as shares of the frame, the oldest place first."""
+    space = session.player.encoder.space
+    states = [m.step.state.facts for m in session.before(TRAIL_DECISIONS) if m.step.state is not None]
+    if space.axes is None or not space.names or not states:
+        return []
+    facts = np.round(np.stack(states), 4)
+    firsts = np.flatnonzero(space.axes[:-1] == 0)[: len(space.names)]
+    ways = [facts[:, x : x + 2] for x in firsts.tolist() if space.axes[x + 1] == 1]
+    return [way.tolist() for way in ways if np.ptp(way, axis=0).any()]
+
+
+def _came(session: WatchSession) -> dict[str, Any]:
+    """Tell the last decisions, and how far from what was imagined one decision before this state is."""
+    lived = session.before(TRAIL_DECISIONS)
+    names = session.player.action_names
+    decisions = [
+        {
+            "decision": m.step.number,
+            "action": None if m.step.action is None else names[m.step.action],
+            "by": m.by,
+            "reward": m.step.reward,
+        }
+        for m in lived[1:]
+    ]
+    return {"decisions": decisions, "miss": _miss(session)}
+
+
+def _miss(session: WatchSession) -> float | None:
+    """Return by how much the number that was foreseen worst differs; None where just this was not imagined."""
+    steps = [m.step for m in session.before(1)]
+    if len(steps) < 2 or steps[0].record is None or steps[0].record.plan is None or steps[1].state is None:
+        return None
+    scenarios = steps[0].record.plan.scenarios
+    same = np.flatnonzero(scenarios.actions[:, 0] == steps[1].action)
+    if not len(same):
+        return None
+    apart = np.abs(scenarios.states[same[0], 0] - steps[1].state.facts)
+    return _rounded(float(apart.max()) / unit_of(session.player))
+
+
+def _place(session: WatchSession, step: Step) -> dict[str, Any] | None:
+    """Tell where on the map the state lies, by positions in its graph, and the way to the nearest gain."""
+    planning = session.player.planning
+    if planning is None or step.record is None or step.record.plan is None or step.record.plan.node < 0:
+        return None
+    plan = step.record.plan
+    distance = float(planning.routes.distances[plan.node])
+    return {
+        "node": plan.node,
+        "path": plan.path.tolist(),
+        "end": int(plan.end_nodes[0]),
+        "cost": distance if math.isfinite(distance) else None,
+    }
+
+
+def _rounded(value: float) -> float | None:
+    """Round a number to what can be read; JSON has no infinities."""
+    return float(f"{value:.4g}") if math.isfinite(value) else None

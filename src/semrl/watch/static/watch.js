@@ -1,0 +1,287 @@
+// The live page: shows what the run tells over a web socket, and tells it what a person wants.
+// Names come from environments, files and people: they are only ever set as text.
+import { drawScreen, drawMap, drawCurve, colourOf } from "./drawing.js";
+
+const $ = (id) => document.getElementById(id);
+const MAX_CURVE = 600;
+let about = null, moment = null, bitmap = null, socket = null, due = false;
+const curve = new Map(); // number of the moment -> return
+const held = new Set();
+
+function connect() {
+  const here = new URL("live", location.href);
+  here.protocol = "ws:";
+  socket = new WebSocket(here);
+  socket.binaryType = "arraybuffer";
+  socket.onmessage = ({ data }) => (typeof data === "string" ? hear(JSON.parse(data)) : receive(data));
+  socket.onclose = () => complain("The run is no longer being watched. Start semrl watch again, and open the address that it prints.", true);
+}
+
+function say(name, value) {
+  if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ do: name, value }));
+}
+
+function hear(message) {
+  if (message.type === "about") introduce(message);
+  if (message.type === "problem") complain(message.text);
+}
+
+async function receive(data) {
+  const length = new DataView(data).getUint32(0);
+  const told = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
+  const picture = await createImageBitmap(new Blob([new Uint8Array(data, 4 + length)]));
+  if (bitmap) bitmap.close();
+  [moment, bitmap] = [told, picture];
+  remember(told);
+  refresh();
+}
+
+function refresh() {
+  if (due) return;
+  due = true;
+  requestAnimationFrame(() => {
+    due = false;
+    if (moment && about) show();
+  });
+}
+
+let quiet = 0;
+function complain(text, lasting = false) {
+  $("problem").textContent = text;
+  $("problem").hidden = false;
+  clearTimeout(quiet);
+  if (!lasting) quiet = setTimeout(() => ($("problem").hidden = true), 8000);
+}
+
+function introduce(told) {
+  about = told;
+  document.title = `${told.run} · semrl watch`;
+  text("run", told.run);
+  text("about", `${told.env}, model ${told.model}, ${told.decisions.toLocaleString("en")} decisions learned`);
+  fill($("policy"), told.policies.length, () => document.createElement("option"), (option, i) => {
+    option.value = option.textContent = told.policies[i];
+  });
+  $("map-card").hidden = !told.map;
+  const keys = told.actions.map((name, i) => `${told.keys[i].map(keyName).join(" + ") || "nothing"}: ${name}`);
+  text("keys", `Hold ${keys.join(" · ")}. While no key is held that means something, ${told.keys.some((k) => !k.length) ? "the game waits" : "the other one decides"}. Escape gives the joystick back.`);
+  refresh();
+}
+
+const KEY_NAMES = { " ": "space", ArrowUp: "↑", ArrowDown: "↓", ArrowLeft: "←", ArrowRight: "→", "": "(no key)" };
+const keyName = (key) => KEY_NAMES[key] ?? key;
+
+function remember(told) {
+  curve.set(told.number, told.return);
+  if (curve.size > MAX_CURVE) curve.delete(Math.min(...curve.keys()));
+}
+
+// ---- showing -------------------------------------------------------------------------------------------------------
+
+function show() {
+  const m = moment;
+  drawScreen($("screen"), bitmap, m, about, {
+    boxes: $("draw-boxes").checked, names: $("draw-names").checked, ways: $("draw-ways").checked, trail: $("draw-trail").checked,
+  });
+  text("return", number(m.return));
+  text("episode", m.episode);
+  text("decision", m.decision + (m.over ? " (over)" : ""));
+  text("action", m.action ?? "–");
+  text("by", m.by ?? "beginning");
+  $("by").className = m.by === "person" ? "tag person" : "tag";
+  text("play", m.playing ? "Pause" : "Play");
+  $("screen").setAttribute("aria-label", `The game at decision ${m.decision} of episode ${m.episode}, with ${m.objects.length} objects`);
+  showControls(m);
+  showValues(m.values);
+  showPlan(m.plan);
+  showCame(m.came);
+  showFacts(m.facts);
+  showRules(m.rules ?? []);
+  showPlace(m.place);
+  drawCurve($("curve"), curve, m.number);
+  speak(m);
+}
+
+function showControls(m) {
+  const slider = $("moment");
+  slider.min = m.oldest;
+  slider.max = m.newest;
+  if (document.activeElement !== slider || m.playing) slider.value = m.number;
+  text("moment-says", m.number === m.newest ? "newest" : `${m.newest - m.number} back`);
+  if (document.activeElement !== $("speed")) $("speed").value = Math.log10(m.speed);
+  text("speed-says", `${number(m.speed, 2)} ×`);
+  $("person").checked = m.person;
+  $("keys").hidden = !m.person;
+  if (document.activeElement !== $("policy")) $("policy").value = m.policy;
+}
+
+function showValues(values) {
+  const all = values?.of ?? [];
+  const low = Math.min(0, ...all), high = Math.max(0, ...all), span = high - low || 1;
+  fill($("values"), all.length, valueRow, (row, i) => {
+    const [name, bar, told] = row.children;
+    name.textContent = about.actions[i];
+    told.textContent = number(all[i], 3);
+    row.className = i === values.best ? "best" : "";
+    bar.firstChild.style.left = `${(100 * (Math.min(all[i], 0) - low)) / span}%`;
+    bar.firstChild.style.width = `${(100 * Math.abs(all[i])) / span}%`;
+  });
+}
+
+function valueRow() {
+  const bar = make("i", make("u"));
+  bar.setAttribute("aria-hidden", "true");
+  return make("li", make("span"), bar, make("span"));
+}
+
+function showPlan(plan) {
+  text("reason", plan ? plan.reason : "There is no plan: this model has no planner, or has not learned to predict yet.");
+  const scenarios = plan?.scenarios ?? [];
+  fill($("scenarios"), scenarios.length, () => {
+    const strip = make("div");
+    strip.className = "strip";
+    const head = make("div", make("span"), make("span"));
+    head.className = "head";
+    return make("li", head, strip);
+  }, (row, i) => {
+    const { actions, rewards, uncertainty } = scenarios[i];
+    const [head, strip] = row.children;
+    head.children[0].textContent = `scenario ${i + 1}`;
+    head.children[1].textContent = `return ${number(scenarios[i].return, 3)}${uncertainty === null ? "" : ` ± ${number(uncertainty, 2)}`}`;
+    showStrip(strip, actions.map((action, j) => ({ action, reward: rewards[j] })));
+  });
+}
+
+function showStrip(strip, decisions) {
+  fill(strip, decisions.length, () => make("span"), (cell, i) => {
+    const { action, reward, by } = decisions[i];
+    cell.textContent = short(action);
+    cell.title = `${action}${reward ? `, reward ${number(reward, 2)}` : ""}${by ? `, by ${by}` : ""}`;
+    cell.className = `${reward > 0 ? "gain" : reward < 0 ? "loss" : ""} ${by === "person" ? "mine" : ""}`;
+    cell.style.setProperty("--of", colourOf(about.actions.indexOf(action), about));
+  });
+}
+
+const short = (name) => (name.length > 4 ? name.slice(0, 1) : name);
+
+function showCame({ decisions, miss }) {
+  showStrip($("came"), decisions);
+  $("came").setAttribute("aria-label", `The last ${decisions.length} decisions, the newest at the end`);
+  const rewards = decisions.filter((d) => d.reward).map((d) => `${d.reward > 0 ? "+" : ""}${number(d.reward)} at decision ${d.decision}`);
+  const seen = miss === null ? "" : miss < 0.5 ? " This state is as it was imagined." : ` The number that was imagined worst is off by ${number(miss, 1)}.`;
+  text("came-says", (rewards.length ? `Rewards: ${rewards.join(", ")}.` : "No reward lately.") + seen);
+}
+
+function showFacts(facts) {
+  $("no-facts").hidden = facts.length > 0;
+  $("facts").parentElement.hidden = !facts.length;
+  fill($("facts"), facts.length, () => {
+    const head = make("th");
+    head.scope = "row";
+    return make("tr", head, make("td"), make("td"));
+  }, (row, i) => {
+    const [name, value, change] = row.children;
+    name.textContent = facts[i].name;
+    value.textContent = number(facts[i].value, 2);
+    change.textContent = facts[i].change ? `${facts[i].change > 0 ? "+" : ""}${number(facts[i].change, 2)}` : "";
+    change.className = facts[i].change ? "moves" : "";
+  });
+}
+
+function showRules(rules) {
+  $("rules-card").hidden = !rules.length;
+  fill($("rules"), rules.length, () => make("li", make("b"), make("span")), (row, i) => {
+    row.children[0].textContent = rules[i].about;
+    row.children[1].textContent = ` ${rules[i].says}`;
+  });
+}
+
+function showPlace(place) {
+  if (!about.map) return;
+  drawMap($("map"), about.map, place);
+  const all = `${about.map.nodes_in_all.toLocaleString("en")} nodes, ${about.map.edges_in_all.toLocaleString("en")} edges.`;
+  if (!place) return text("place", all);
+  const way = place.cost === null ? "No way to a gain is known from here." : place.path.length < 2 ? "A gain begins here." : `The nearest gain begins ${place.path.length - 1} steps away, at a cost of ${number(place.cost)}.`;
+  text("place", `${way} ${all}`);
+}
+
+let spoken = 0;
+function speak(m) { // for those who hear the page: now and then, and what matters at once
+  const now = performance.now();
+  if (!m.reward && !m.over && (m.playing ? now - spoken < 10000 : $("spoken").dataset.number === String(m.number))) return;
+  spoken = now;
+  $("spoken").dataset.number = m.number;
+  text("spoken", `Decision ${m.decision}, ${m.action ?? "beginning"}, ${m.reward ? `reward ${number(m.reward)}, ` : ""}return ${number(m.return)}${m.over ? ", the episode is over" : ""}`);
+}
+
+// ---- small things --------------------------------------------------------------------------------------------------
+
+function text(id, value) {
+  const element = $(id), wanted = String(value);
+  if (element.textContent !== wanted) element.textContent = wanted;
+}
+
+function number(value, digits = 2) {
+  if (value === null || value === undefined) return "–";
+  return value.toLocaleString("en", { maximumFractionDigits: digits }).replace("-", "−").replace(/^−0$/, "0");
+}
+
+function make(tag, ...children) {
+  const element = document.createElement(tag);
+  element.append(...children);
+  return element;
+}
+
+function fill(parent, count, create, update) { // rows are kept and written anew: making them 30 times a second costs
+  while (parent.children.length > count) parent.lastElementChild.remove();
+  while (parent.children.length < count) parent.append(create());
+  for (let i = 0; i < count; i++) update(parent.children[i], i);
+}
+
+// ---- obeying -------------------------------------------------------------------------------------------------------
+
+for (const [id, command] of [["back", "back"], ["step", "step"], ["newest", "newest"], ["new-episode", "episode"]]) {
+  $(id).onclick = () => say(command);
+}
+$("play").onclick = () => say(moment?.playing ? "pause" : "play");
+$("moment").oninput = () => say("show", Number($("moment").value));
+$("speed").oninput = () => {
+  const speed = 10 ** Number($("speed").value);
+  say("speed", Math.min(20, Math.max(0.1, Number(speed.toPrecision(2)))));
+};
+$("policy").onchange = () => say("policy", $("policy").value);
+$("person").onchange = () => {
+  held.clear();
+  say("person", $("person").checked);
+  $("person").blur(); // its keys are the game's now
+};
+for (const id of ["draw-boxes", "draw-names", "draw-ways", "draw-trail"]) $(id).onchange = refresh;
+
+document.addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.metaKey || event.altKey || !moment) return;
+  if (moment.person) return press(event);
+  if (event.target.matches("input, select, button, a")) return;
+  const command = { ",": "back", ".": "step", k: moment.playing ? "pause" : "play" }[event.key];
+  if (command) say(command);
+});
+
+function press(event) {
+  if (event.key === "Escape") return say("person", false);
+  if (event.target.matches("input, select") || !about.keys.flat().includes(event.key)) return;
+  event.preventDefault();
+  if (!held.has(event.key)) {
+    held.add(event.key);
+    say("hold", [...held]);
+  }
+}
+
+document.addEventListener("keyup", (event) => {
+  if (held.delete(event.key)) say("hold", [...held]);
+});
+window.addEventListener("blur", () => {
+  if (held.size) say("hold", []);
+  held.clear();
+});
+window.addEventListener("resize", refresh);
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", refresh);
+
+connect();
