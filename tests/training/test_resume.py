@@ -27,6 +27,8 @@ REHEARSAL = {"planning__networks__rehearsal_states": 60, "planning__networks__re
 OBJECTS = {
     "planning__world_model": "trees",
     "planning__planner_every": 2,
+    "planning__keeping__decisions": 3,
+    "planning__keeping__tolerance": 0.05,
     "planning__scenarios__scenarios": 6,
     "planning__trees__first_decisions": 40,
     "planning__trees__new_decisions": 30,

@@ -48,6 +48,7 @@ class PlanFeatures:
         self.n_actions = n_actions
         shown = min(config.decisions or depth, depth)
         sizes = {"actions": shown * n_actions, "state": dimension, "reward": 1}
+        self._shown = shown
         self._sizes = {part: sizes[part] for part in config.parts}
 
     @property
@@ -57,7 +58,9 @@ class PlanFeatures:
 
     def ground(self, plan: Plan) -> Floats:
         """Write the best scenario of a plan, ``(size,)`` float32."""
-        chosen = plan.actions[: self.config.decisions or None]
+        chosen = plan.actions[: self._shown]
+        if len(chosen) < self._shown:  # what is left of a plan ends sooner: its last action is held
+            chosen = np.append(chosen, np.full(self._shown - len(chosen), chosen[-1]))
         parts = {
             "actions": np.eye(self.n_actions, dtype=np.float32)[chosen].ravel(),
             "state": plan.scenarios.states[0, -1],

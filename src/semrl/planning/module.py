@@ -15,6 +15,7 @@ from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.errors import UsageError
 from semrl.core.registry import Registry
 from semrl.grounding import GROUNDERS, PlanFeaturesConfig
+from semrl.planning.keeping import KeepingConfig, PlanKeeper
 from semrl.planning.long_term import LongTermConfig, plan_routes
 from semrl.planning.protocol import Knowledge, Planner, coordinates
 from semrl.planning.scenario_planner import ScenarioPlannerConfig
@@ -52,6 +53,8 @@ class PlanningConfig:
     """What paths cost."""
     scenarios: ScenarioPlannerConfig = field(default_factory=ScenarioPlannerConfig)
     """Which scenarios are imagined, and which is best."""
+    keeping: KeepingConfig = field(default_factory=KeepingConfig)
+    """How long a plan is kept while what it predicted comes."""
     plan_features: PlanFeaturesConfig = field(default_factory=PlanFeaturesConfig)
     """What the agent is shown of the plan."""
     discount: float = 1.0
@@ -138,6 +141,7 @@ class PlanningModule:
             self.world_model.share(self.concepts)
         self._episode = EpisodeRecord(dimension)
         self._proposed = np.zeros(0, np.int64)
+        self._keeper = PlanKeeper(config.keeping, discount=config.discount)
 
     @property
     def plan_size(self) -> int:
@@ -178,11 +182,15 @@ class PlanningModule:
         """Forget the actions of an episode that was not learned from."""
         self._episode.clear()
         self._proposed = np.zeros(0, np.int64)
+        self._keeper.renew(None)
 
     def plan_step(self, facts: Floats, things: Floats | None = None, *, exploring: bool = False) -> PlanRecord:
-        """Plan at the next decision of the episode (§3.4.4)."""
+        """Plan at the next decision of the episode (§3.4.4), or go on with a plan that holds."""
         history = self._episode.history(facts, MEMORY_DECISIONS, self._proposed[1:], things)
-        plan = self.plan(history, exploring=exploring)
+        plan = self._keeper.what_is_left(history, self._episode.last_reward, self.knowledge)
+        if plan is None:
+            plan = self.plan(history, exploring=exploring)
+            self._keeper.renew(plan)
         if plan is None:
             self._proposed = np.zeros(0, np.int64)
             return PlanRecord(history=history, plan=None, features=np.zeros(self.plan_size, np.float32))
@@ -243,7 +251,7 @@ class PlanningModule:
             episode=self._episode.to_arrays(),
             concepts=self.concepts.to_arrays(),
         )
-        return parts | {"proposed": self._proposed}
+        return parts | nest(kept=self._keeper.to_arrays()) | {"proposed": self._proposed}
 
     def inference_arrays(self) -> Arrays:
         """Return map and world model as far as plans need them."""
@@ -263,3 +271,4 @@ class PlanningModule:
         if "proposed" in arrays:
             self._episode.from_arrays(unnest(arrays, "episode"))
             self._proposed = arrays["proposed"]
+            self._keeper.from_arrays(unnest(arrays, "kept"))

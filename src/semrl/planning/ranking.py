@@ -1,5 +1,6 @@
 """Final reasoning (§3.4.4): which scenario is best."""
 
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -75,6 +76,37 @@ def rank(
         end_nodes=end_nodes[order],
         progress=progress[order],
         seeks_novelty=novelty,
+    )
+
+
+def continued(plan: Plan, start: Floats, state_map: Locator, routes: Routes, *, discount: float = 1.0) -> Plan:
+    """Return what is left of a plan after its first decision, in the state that it predicted.
+
+    Of the scenarios those stay that begin as the best one does, in their order. Returns begin one decision later.
+
+    Parameters
+    ----------
+    plan
+        Of two decisions or more.
+    start
+        ``(1, m)``, where the state reached lies on the map.
+    state_map, routes, discount
+        As for `rank`.
+    """
+    same = np.flatnonzero(plan.scenarios.actions[:, 0] == plan.actions[0])
+    left = _take(plan.scenarios, same)
+    node, path = -1, plan.path
+    if len(state_map.graph_):
+        node = int(state_map.locate(start)[0])
+        path = routes.path(node)
+    return Plan(
+        node=node,
+        path=path,
+        scenarios=replace(left, actions=left.actions[:, 1:], states=left.states[:, 1:], rewards=left.rewards[:, 1:]),
+        returns=(plan.returns[same] - left.rewards[:, 0]) / discount,
+        end_nodes=plan.end_nodes[same],
+        progress=_progress(path, plan.end_nodes[same]),
+        seeks_novelty=plan.seeks_novelty,
     )
 
 

@@ -51,6 +51,11 @@ class EpisodeRecord:
         """How many decisions were noted."""
         return len(self._actions)
 
+    @property
+    def last_reward(self) -> float:
+        """What the newest decision brought; 0 before the first."""
+        return self._rewards[-1] if self._rewards else 0.0
+
     def history(self, state: Floats, length: int, proposed: Ints, things: Floats | None = None) -> History:
         """Return where a plan from the present state, ``(d,)``, begins, with up to so many states and actions."""
         now = no_things() if things is None else things
