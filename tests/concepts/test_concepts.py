@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from play import BALL, CLIPPED, DIGIT, PADDLE, rally, table, thing
+from rallies import BALL, CLIPPED, DIGIT, PADDLE, rally, table, thing
 
 from semrl.concepts import Concepts, ConceptsConfig, SceneBuilder
 from semrl.core.arrays import digest

@@ -24,6 +24,7 @@ COMMANDS = {
     "map": ("map", "what the map of a run looks like, and the map as a file"),
     "query": ("query", "ask the map of a run in SPARQL"),
     "rules": ("rules", "what a run has learned of its world, as rules to be checked"),
+    "events": ("events", "what happens in an episode: contacts, bounces, rewards, lost lives"),
     "predict": ("predict", "how far a run's model of the world sees ahead, on new episodes"),
     "explain": ("explain", "why a run took one decision, as text or as a page"),
     "compare": ("compare", "what two runs know and do differently"),

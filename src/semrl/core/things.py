@@ -11,6 +11,9 @@ its place in the list of tracked objects (−1: none), its edges in pixels of th
 
 COLUMNS = 9
 
+SLOT_NUMBERS = 3
+"""What the list of tracked objects tells of each: x, y and whether it is seen."""
+
 _STILL_SHARE = 0.1
 """What moves at fewer of the decisions, and has no slot, is still."""
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from semrl.core import ConceptTable, Scene
 from semrl.core.errors import UsageError
+from semrl.envs.actions import Env
 from semrl.evaluation.player import Player, Policy, load_player
 from semrl.evaluation.scores import EVALUATION_SEED
 from semrl.planning.module import PlanningModule
@@ -41,7 +42,13 @@ def player_concepts(player: Player, run: str | Path) -> PlanningModule:
 
 
 def play_scenes(
-    player: Player, run: str | Path, *, number: int = 0, seed: int | None = None, policy: Policy = "agent"
+    player: Player,
+    run: str | Path,
+    *,
+    number: int = 0,
+    seed: int | None = None,
+    policy: Policy = "agent",
+    env: Env | None = None,
 ) -> Iterator[tuple[Step, Scene]]:
     """Play one of the episodes of an evaluation; yield every step and the scene that is seen at it.
 
@@ -52,6 +59,6 @@ def play_scenes(
     """
     planning = player_concepts(player, run)
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
-    for step in player.episode(number, seed, policy):
+    for step in player.episode(number, seed, policy, env):
         assert step.record is not None
         yield step, planning.scene(step.record.history)

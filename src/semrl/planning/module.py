@@ -20,7 +20,7 @@ from semrl.planning.long_term import LongTermConfig, plan_routes
 from semrl.planning.protocol import Knowledge, Planner, coordinates
 from semrl.planning.scenario_planner import ScenarioPlannerConfig
 from semrl.planning.state_map import StateMap, StateMapConfig
-from semrl.world_model import WORLD_MODELS, EpisodeRecord, ModelPairConfig, TreesConfig
+from semrl.world_model import WORLD_MODELS, EpisodeRecord, LiftedConfig, ModelPairConfig, TreesConfig
 from semrl.world_model.protocol import ConceptBased
 
 PLANNERS: Registry[Planner] = Registry("planners", {"scenarios": "semrl.planning.scenario_planner:ScenarioPlanner"})
@@ -34,7 +34,8 @@ class PlanningConfig:
     """Which boxes the lower line has, and the parameters of each, under its name."""
 
     world_model: str = "networks"
-    """What predicts: the thesis's networks for next state and reward, or regression trees, for short states (trees)."""
+    """What predicts: the thesis's networks for next state and reward, regression trees, for short states
+    (trees), or trees about the concepts of things, where things are followed (lifted)."""
     planner: str = "scenarios"
     """What decides with the predictions."""
     grounder: str = "plan_features"
@@ -47,6 +48,8 @@ class PlanningConfig:
     """The thesis's models."""
     trees: TreesConfig = field(default_factory=TreesConfig)
     """Regression trees."""
+    lifted: LiftedConfig = field(default_factory=LiftedConfig)
+    """Trees about concepts of things."""
     concepts: ConceptsConfig = field(default_factory=ConceptsConfig)
     """When kinds of things are one concept."""
     long_term: LongTermConfig = field(default_factory=LongTermConfig)

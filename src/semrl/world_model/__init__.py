@@ -1,4 +1,4 @@
-"""What comes next: the thesis's pair of models, and regression trees (§3.4.3)."""
+"""What comes next: the thesis's pair of models, regression trees, and trees about concepts (§3.4.3)."""
 
 from typing import TYPE_CHECKING
 
@@ -8,6 +8,7 @@ from semrl.core.registry import Registry
 if TYPE_CHECKING:
     from semrl.world_model.config import ModelPairConfig, NextStateConfig, RewardConfig
     from semrl.world_model.experience import EpisodeRecord, Experience
+    from semrl.world_model.lifted import LiftedConfig, LiftedWorld
     from semrl.world_model.model_pair import ModelPair, roll_forward
     from semrl.world_model.next_state import NextStateNetwork
     from semrl.world_model.protocol import WorldModel
@@ -15,12 +16,19 @@ if TYPE_CHECKING:
     from semrl.world_model.tree_world import TreesConfig, TreeWorld
 
 WORLD_MODELS: "Registry[WorldModel]" = Registry(
-    "world_models", {"networks": "semrl.world_model:ModelPair", "trees": "semrl.world_model:TreeWorld"}
+    "world_models",
+    {
+        "networks": "semrl.world_model:ModelPair",
+        "trees": "semrl.world_model:TreeWorld",
+        "lifted": "semrl.world_model:LiftedWorld",
+    },
 )
 
 _HOME = {
     "EpisodeRecord": "semrl.world_model.experience",
     "Experience": "semrl.world_model.experience",
+    "LiftedConfig": "semrl.world_model.lifted.config",
+    "LiftedWorld": "semrl.world_model.lifted.world",
     "ModelPair": "semrl.world_model.model_pair",
     "ModelPairConfig": "semrl.world_model.config",
     "NextStateConfig": "semrl.world_model.config",
@@ -39,6 +47,8 @@ __all__ = [
     "WORLD_MODELS",
     "EpisodeRecord",
     "Experience",
+    "LiftedConfig",
+    "LiftedWorld",
     "ModelPair",
     "ModelPairConfig",
     "NextStateConfig",

@@ -60,7 +60,7 @@ def roll(  # noqa: PLR0917 - compiled functions take no keywords
     nodes, roots = trees
     members, dimension = roots.shape[0], roots.shape[1] - 2
     n, length = sequences.shape
-    begins, origins = _branches(sequences)
+    begins, origins = branches(sequences)
     order = np.argsort(begins, kind="mergesort")  # the sequence of each lane: those that have begun come first
     lane_of = np.argsort(order)
     begins, origins = begins[order], lane_of[origins[order]]
@@ -80,7 +80,7 @@ def roll(  # noqa: PLR0917 - compiled functions take no keywords
 
 
 @compiled
-def _branches(sequences: Ints) -> tuple[Ints, Ints]:
+def branches(sequences: Ints) -> tuple[Ints, Ints]:
     """Return for how long each sequence is like one before it, and like which, ``(s,)`` each.
 
     What sequences have in common is rolled once: by the first of them, which the others leave, each at its time.

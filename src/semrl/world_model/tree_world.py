@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from semrl.core import Floats, History, Ints, Scenarios, Trajectory
 from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.errors import UsageError
+from semrl.world_model.ensemble import imagine_all, is_due
 from semrl.world_model.experience import Experience
 from semrl.world_model.rules import Rule, feature_names, read_rules
 from semrl.world_model.tree_kernels import Relations, lay_out, width
@@ -16,7 +17,6 @@ from semrl.world_model.trees import Forests
 
 MAX_DIMENSION = 32
 """Longest state that trees are fitted to; they look at all pairs of numbers."""
-_FEWEST_SCREENED = 8  # scenarios
 REWARD, RETURN = "the reward", "the return"
 """What rules call them."""
 
@@ -168,34 +168,22 @@ class TreeWorld:
         unit, c = np.float32(self.config.resolution), self.config
         window = np.rint(history.window(c.past_states)[:, self.varying_] / unit)
         past = self.inertia_, window, history.recent(c.past_actions)
-        screened = 0 < c.screening < c.members and len(sequences) >= _FEWEST_SCREENED
         relations = self.relations_
-        members = slice(c.screening if screened else None)
-        predicted, rewards, values = self.forests.roll(*past, sequences, relations, members)
-        if screened:
-            means = self._returns(rewards, values).mean(axis=0)
-            best = np.sort(np.argsort(-means, kind="stable")[: len(sequences) // 4])
-            sequences = sequences[best]
-            _, more_rewards, more_values = self.forests.roll(*past, sequences, relations, slice(c.screening, None))
-            predicted = predicted[best]
-            rewards = np.concatenate([rewards[:, best], more_rewards])
-            values = np.concatenate([values[:, best], more_values])
-        states = np.empty((*sequences.shape, history.states.shape[1]), np.float32)
-        states[:] = history.states[0]
-        states[:, :, self.varying_] = predicted * unit
-        return Scenarios(
-            actions=sequences,
-            states=states,
-            rewards=rewards.mean(axis=0),
-            values=values.mean(axis=0),
-            uncertainties=self._returns(rewards, values).std(axis=0).astype(np.float32),
-        )
 
-    def _returns(self, rewards: Floats, values: Floats) -> NDArray[np.float64]:
-        """Return what each forest makes of each scenario, ``(members, s)``."""
-        length = rewards.shape[2]
-        weights = self.discount ** np.arange(length)
-        return np.asarray((rewards * weights).sum(axis=2) + self.discount**length * values)
+        def roll(tried: Ints, members: slice) -> tuple[Floats, Floats, Floats]:
+            return self.forests.roll(*past, tried, relations, members)
+
+        told = imagine_all(roll, sequences, members=c.members, screening=c.screening, discount=self.discount)
+        states = np.empty((*told.sequences.shape, history.states.shape[1]), np.float32)
+        states[:] = history.states[0]
+        states[:, :, self.varying_] = told.predicted * unit
+        return Scenarios(
+            actions=told.sequences,
+            states=states,
+            rewards=told.rewards,
+            values=told.values,
+            uncertainties=told.uncertainties,
+        )
 
     def rules(
         self, names: Sequence[str], actions: Sequence[str], *, most: int = 8, unit: float | None = None
@@ -281,9 +269,8 @@ class TreeWorld:
         return int(width(len(self.varying_), self.config.past_states, self.config.past_actions, self.relations_))
 
     def _is_due(self, seen: int) -> bool:
-        c = self.config
-        newest = int(self.grown_.max())
-        return seen >= c.first_decisions if not newest else seen - newest >= max(c.new_decisions, c.new_share * newest)
+        c, newest = self.config, int(self.grown_.max())
+        return is_due(seen, newest, first=c.first_decisions, fewest=c.new_decisions, share=c.new_share)
 
     def _grow_if_due(self, buffer: Experience, seen: int) -> None:
         if not self._is_due(seen):

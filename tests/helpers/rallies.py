@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from semrl.core import History, Trajectory
 from semrl.core.things import no_things
 
 BALL, PADDLE, CLIPPED, DIGIT = 0, 1, 2, 3
@@ -44,3 +45,32 @@ def rally(decisions, seed=0, bottom=70.0, paddle_px=12.0):
         actions.append(action)
         rewards.append(reward)
     return tables, np.array(actions), np.array(rewards, np.float32)
+
+
+def facts_of(things, slots=2):
+    """The list of tracked objects: x, y and whether it is seen, of each slot."""
+    facts = np.zeros((slots, 3), np.float32)
+    for one in things:
+        if one[4] >= 0:
+            facts[int(one[4])] = (one[5] + one[7] - 1) / 166, (one[6] + one[8] - 1) / 166, 1
+    return facts.ravel()
+
+
+def trajectory_of(tables, actions, rewards):
+    """An episode as the lower line learns it, but for the last decision."""
+    return Trajectory(
+        states=np.array([facts_of(things) for things in tables]),
+        actions=actions[:-1],
+        rewards=rewards[:-1],
+        things=tuple(tables),
+    )
+
+
+def history_of(trajectory, t, length=6):
+    first = max(t - length + 1, 0)
+    return History(
+        states=trajectory.states[first : t + 1][::-1],
+        actions=trajectory.actions[max(t - length, 0) : t][::-1],
+        number=t,
+        things=trajectory.things[first : t + 1][::-1],
+    )

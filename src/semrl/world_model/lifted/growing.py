@@ -1,0 +1,177 @@
+"""Growing the trees of one member: for each concept its next velocity, whether it vanishes, the reward, the return."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.core import Floats, Ints
+from semrl.core.arrays import Arrays
+from semrl.core.kernels import compiled
+from semrl.world_model.cart import bins_of, grow_tree
+from semrl.world_model.lifted.config import LiftedConfig
+from semrl.world_model.lifted.features import ACTION
+from semrl.world_model.lifted.motion import grow_motion
+from semrl.world_model.lifted.play import TARGETS
+from semrl.world_model.tree_kernels import NODE
+
+Seen = tuple[Floats, Floats]
+"""What is asked of the things of one concept, ``(n, f)``, and their targets, ``(n, 5)``."""
+
+_FEWEST = 20  # sightings that trees are grown from
+
+
+class Member(NamedTuple):
+    """The trees of one member, one behind the other."""
+
+    nodes: NDArray[Any]
+    """``(m,)`` of `NODE`."""
+    roots: Ints
+    """``(c, 5)`` int64: where the tree for each target of each concept begins; −1 where there is none."""
+
+    @classmethod
+    def empty(cls) -> "Member":
+        """Make a member without trees."""
+        return cls(np.empty(0, NODE), np.zeros((0, len(TARGETS)), np.int64))
+
+    def to_arrays(self) -> Arrays:
+        """Return the trees; a node as its four numbers."""
+        return {name: self.nodes[name].copy() for name in NODE.names or ()} | {"roots": self.roots}
+
+    @classmethod
+    def from_arrays(cls, arrays: Arrays) -> "Member":
+        """Make trees again."""
+        nodes = np.empty(len(arrays["column"]), NODE)
+        for name in NODE.names or ():
+            nodes[name] = arrays[name]
+        return cls(nodes, arrays["roots"])
+
+
+def grow_member(
+    seen: dict[int, Seen],
+    concepts: int,
+    teller: int,
+    config: LiftedConfig,
+    rng: np.random.Generator,
+    *,
+    draws: bool,
+) -> Member:
+    """Grow trees from a draw of what was seen of each concept.
+
+    Parameters
+    ----------
+    seen
+        Concept → what was seen of its things.
+    concepts
+        How many numbers of concepts there are.
+    teller
+        The concept that tells of rewards; −1: none.
+    config
+        Fewest sightings in leaves.
+    rng
+        Draws.
+    draws
+        Whether it sees a draw of all, or all.
+    """
+    roots = np.full((concepts, len(TARGETS)), -1, np.int64)
+    trees, size = [], 0
+    for concept, (rows, targets) in seen.items():
+        if len(rows) < _FEWEST:
+            continue
+        places, cuts = bins_of(rows)
+        share = config.draw_share if draws else 1.0
+        drawn = np.sort(rng.choice(len(rows), max(round(share * len(rows)), 1), replace=False))
+        for target in range(5 if concept == teller else 3):
+            nodes = _grow((places, cuts, rows), targets, drawn, target, config)
+            nodes["left"] += np.where(nodes["column"] >= 0, size, 0).astype(np.int32)
+            roots[concept, target] = size
+            trees.append(nodes)
+            size += len(nodes)
+    return Member(np.concatenate([np.empty(0, NODE), *trees]), roots)
+
+
+def find_teller(seen: dict[int, Seen], leaf_rows: int) -> int:
+    """Return the concept whose things tell best of rewards, by trees of one half for the other; −1: none."""
+    best, teller = 0.0, -1
+    for concept, (rows, targets) in seen.items():
+        rewards = targets[:, 3].astype(np.float64)
+        if len(rows) < _FEWEST or not rewards.any():
+            continue
+        places, cuts = bins_of(rows)
+        half = np.arange(len(rows)) // 50 % 2
+        explained = 0.0
+        for fold in (0, 1):
+            nodes = _pruned(grow_tree(places, cuts, rewards, np.flatnonzero(half != fold), leaf_rows), 0.0)
+            tested = half == fold
+            told = _told(nodes, rows[tested])
+            explained += float((rewards[tested] ** 2 - (rewards[tested] - told) ** 2).sum())
+        if explained > best:
+            best, teller = explained, concept
+    return teller
+
+
+def _grow(
+    sight: tuple[NDArray[np.uint16], list[Floats], Floats],
+    targets: Floats,
+    drawn: Ints,
+    target: int,
+    config: LiftedConfig,
+) -> NDArray[Any]:
+    """Grow one tree; of velocities it predicts the change, or in leaves where that is better the value."""
+    places, cuts, rows = sight
+    wanted = targets[:, target].astype(np.float64)
+    if TARGETS[target] == "return":
+        places = places.copy()
+        places[ACTION] = 0  # beyond a scenario it is not decided yet
+    leaf_rows = config.value_leaf_things if TARGETS[target] == "return" else config.leaf_things
+    if target >= 2:
+        return _pruned(grow_tree(places, cuts, wanted, drawn, leaf_rows), config.least_gain)
+    drawn = drawn[~np.isnan(wanted[drawn])]
+    if not len(drawn):
+        drawn = np.zeros(1, np.int64)
+        wanted = rows[:, target].astype(np.float64)
+    velocities = rows[:, target], np.nan_to_num(wanted).astype(np.float32)
+    return grow_motion(places, cuts, velocities, drawn, (config.leaf_things, config.least_gain_px2))
+
+
+def _pruned(tree: tuple[NDArray[np.int32], Floats, Floats], least_gain: float) -> NDArray[Any]:
+    """Put what `grow_tree` returns side by side, without cuts that gain less than this a leaf (squared error)."""
+    inner, numbers, support = tree
+    nodes = np.empty(len(inner), NODE)
+    nodes["column"], nodes["left"] = inner.T
+    nodes["cut"], nodes["mean"] = numbers.T
+    _prune(nodes, (support[:, 0] * support[:, 1]).astype(np.float64), least_gain)
+    return nodes
+
+
+@compiled
+def _prune(nodes: NDArray[Any], losses: NDArray[np.float64], least_gain: float) -> None:
+    """Make leaves of nodes below which each further leaf gains too little (cost-complexity pruning, Breiman 1984)."""
+    below, leaves = losses.copy(), np.ones(len(nodes))
+    for at in range(len(nodes) - 1, -1, -1):  # children come after their parents
+        if nodes[at].column < 0:
+            continue
+        left = nodes[at].left
+        n, loss = leaves[left] + leaves[left + 1], below[left] + below[left + 1]
+        if losses[at] - loss < least_gain * (n - 1):
+            nodes[at].column, nodes[at].left = -1, -1
+        else:
+            below[at], leaves[at] = loss, n
+
+
+@compiled
+def _leaf(nodes: NDArray[Any], row: Floats) -> int:
+    """Return the leaf that a row falls into."""
+    at = 0
+    while nodes[at].column >= 0:
+        at = nodes[at].left + np.int32(row[nodes[at].column] > nodes[at].cut)
+    return at
+
+
+@compiled
+def _told(nodes: NDArray[Any], rows: Floats) -> Floats:
+    """Return what a tree predicts for rows."""
+    told = np.empty(len(rows), np.float32)
+    for i in range(len(rows)):
+        told[i] = nodes[_leaf(nodes, rows[i])].mean
+    return told

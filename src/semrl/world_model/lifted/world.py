@@ -1,0 +1,251 @@
+"""A model of the world in concepts, learned while the game goes on (§3.4.3): any number of things."""
+
+import numpy as np
+
+from semrl.concepts import Concepts, SceneBuilder
+from semrl.concepts.scenes import CONCEPT, PLACE, WIDTH, X
+from semrl.core import Floats, History, Ints, Scenarios, Trajectory
+from semrl.core.arrays import Arrays, nest, unnest
+from semrl.core.errors import UsageError
+from semrl.core.named import IMAGE_SIZE_PX
+from semrl.core.things import SLOT_NUMBERS
+from semrl.world_model.ensemble import imagine_all, is_due
+from semrl.world_model.lifted.config import LiftedConfig
+from semrl.world_model.lifted.features import PAST_ACTIONS, Kinds
+from semrl.world_model.lifted.growing import Member, Seen, find_teller, grow_member
+from semrl.world_model.lifted.play import Play
+from semrl.world_model.lifted.rolling import Trees, roll
+
+
+class LiftedWorld:
+    """Trees for the next velocity, the vanishing and the reward of things, one set a concept, shared by its instances.
+
+    They look at relative features: see `semrl.world_model.lifted.features`. So any number of things is predicted, and
+    what was learned of one ball holds for another. Several members, each grown from its own draw of the play, are
+    asked; what they disagree about is uncertain.
+
+    Parameters
+    ----------
+    config
+        See `LiftedConfig`.
+    dimension
+        Length of the facts, a list of tracked objects: x, y and whether it is seen, for each slot.
+    discount
+        What a reward counts one decision later.
+    seed
+        Of the draws that the trees are grown from.
+
+    Attributes
+    ----------
+    kinds_ : Kinds
+        Which concepts move, by actions or not, and which relation tells of them, when the trees were grown.
+    families_ : ndarray
+        ``(r,)`` int64: a concept of the family that each relation is about.
+    teller_ : int
+        The concept that tells of rewards; −1: none.
+    grown_ : ndarray
+        ``(members,)`` int64, decisions after which each member was grown; 0 before.
+    """
+
+    reads_things = True
+    """It needs an encoder that follows things."""
+
+    def __init__(
+        self,
+        config: LiftedConfig,
+        dimension: int,
+        n_actions: int = 0,
+        *,
+        seed: int = 0,
+        discount: float = 1.0,
+        axes: Ints | None = None,
+    ) -> None:
+        del n_actions, axes  # an action is a number among others to a tree; slots say themselves what they are
+        self.config = config
+        self.dimension = dimension
+        self.discount = discount
+        self.seed = seed
+        self.concepts = Concepts()
+        self._learns_concepts = True
+        self.play = Play(config.capacity)
+        self.kinds_ = Kinds(np.zeros(0, np.int64), np.zeros(0, np.bool_), np.zeros(0, np.bool_))
+        self.families_: Ints = np.zeros(0, np.int64)
+        self.teller_ = -1
+        self.seen_ = 0
+        self.grown_: Ints = np.zeros(config.members, np.int64)
+        self._members: list[Member] = []
+        self._trees: list[Trees] = []
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether trees were grown yet."""
+        return bool(self.grown_.all())
+
+    def share(self, concepts: Concepts) -> None:
+        """Take over what the things are; they are no longer learned here."""
+        self.concepts, self._learns_concepts = concepts, False
+
+    def partial_fit(self, trajectory: Trajectory) -> dict[str, float]:
+        """Remember an episode and, when there is enough new, grow a member anew.
+
+        Raises
+        ------
+        UsageError
+            When the episode tells of no things.
+        """
+        if not trajectory.things:
+            raise UsageError("the world model 'lifted' needs to be told of things: choose an encoder that follows them")
+        if self._learns_concepts:
+            self.concepts.partial_fit(trajectory.things)
+        self.play.add(trajectory)
+        self.seen_ += len(trajectory)
+        self._grow_if_due(self.play, self.seen_)
+        return {}
+
+    def update_online(self, so_far: Trajectory) -> None:
+        """Grow a member anew, when there is enough new, from all that is remembered and the episode so far."""
+        seen = self.seen_ + len(so_far)
+        if self._is_due(seen):
+            self._grow_if_due(self.play.joined(so_far), seen)
+
+    def imagine(self, history: History, sequences: Ints) -> Scenarios:
+        """Roll ``(s, t)`` sequences of actions forward from a moment; rewards and values are the members' mean.
+
+        Where some members screen, only the sequences that they think best of come back.
+        """
+        objects = self._relevant(SceneBuilder(self.concepts).newest(history.things))
+        past = history.recent(PAST_ACTIONS)
+        relations = len(self.families_)
+
+        def roll_some(tried: Ints, members: slice) -> tuple[Floats, Floats, Floats]:
+            told = [roll(trees, self.kinds_, objects, past, tried, relations) for trees in self._trees[members]]
+            rewards, values = (np.concatenate([each[k] for each in told]) for k in (1, 2))
+            return told[0][0], rewards, values
+
+        c = self.config
+        told = imagine_all(roll_some, sequences, members=c.members, screening=c.screening, discount=self.discount)
+        return Scenarios(
+            actions=told.sequences,
+            states=self._as_facts(history.states[0], objects, told.predicted),
+            rewards=told.rewards,
+            values=told.values,
+            uncertainties=told.uncertainties,
+        )
+
+    def to_arrays(self) -> Arrays:
+        """Return trees and memory."""
+        return self.inference_arrays() | nest(play=self.play.to_arrays())
+
+    def inference_arrays(self) -> Arrays:
+        """Return the trees, and the concepts where they are learned here."""
+        own = {
+            "counts": np.array([self.seen_, self.teller_, *self.grown_]),
+            "families": self.families_,
+            **nest(kinds=self.kinds_._asdict()),
+        }
+        parts = {str(i): member.to_arrays() for i, member in enumerate(self._members)}
+        concepts = {"concepts": self.concepts.to_arrays()} if self._learns_concepts else {}
+        return own | nest(**parts, **concepts)
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Go on exactly where `to_arrays` was called; of the trees alone, predict as they did there."""
+        if play := unnest(arrays, "play"):
+            self.play.from_arrays(play)
+        if concepts := unnest(arrays, "concepts"):
+            self.concepts.from_arrays(concepts)
+        self.seen_, self.teller_ = (int(number) for number in arrays["counts"][:2])
+        self.grown_ = arrays["counts"][2:].copy()
+        self.families_, self.kinds_ = arrays["families"], Kinds(**unnest(arrays, "kinds"))
+        parts = [unnest(arrays, str(i)) for i in range(self.config.members)]
+        self._members = [Member.from_arrays(part) for part in parts if part]
+        self._pack()
+
+    def training_set(self, play: Play) -> dict[int, Seen]:
+        """Return what was seen of each concept that moves; it decides which families things are related to."""
+        objects = play.objects(self.concepts)
+        self.kinds_, self.families_ = self._relations(objects)
+        return {
+            int(concept): play.rows(objects, int(concept), self.kinds_, self.discount)
+            for concept in np.flatnonzero(self.kinds_.moving)
+        }
+
+    def _relations(self, objects: Floats) -> tuple[Kinds, Ints]:
+        """Choose the families that things are related to: those that move, the commonest first."""
+        c = self.concepts
+        used = np.array([bool(kinds) for kinds in c.table_.kinds], np.bool_)
+        moving = used & ~c.static_
+        counts = np.bincount(objects[objects[:, CONCEPT] >= 0, CONCEPT].astype(np.int64), minlength=len(c))
+        totals = np.zeros(len(c), np.int64)
+        np.add.at(totals, c.families_[moving], counts[moving])
+        order = np.argsort(-totals, kind="stable")[: self.config.relations]
+        families = order[totals[order] > 0]
+        relation_of = np.full(len(c), -1, np.int64)
+        for relation, family in enumerate(families):
+            relation_of[moving & (c.families_ == family)] = relation
+        return Kinds(relation_of, moving, c.controlled_ & moving), families
+
+    def _relevant(self, objects: Floats) -> Floats:
+        """Return the objects that are predicted, or that others are related to."""
+        concepts = objects[:, CONCEPT].astype(np.int64)
+        known = (concepts >= 0) & (concepts < len(self.kinds_.moving))
+        known[known] = self.kinds_.moving[concepts[known]] | (self.kinds_.relation_of[concepts[known]] >= 0)
+        return objects[known]
+
+    def _as_facts(self, present: Floats, objects: Floats, paths: Floats) -> Floats:
+        """Write predicted places, ``(s, t, k, 3)``, as the list of tracked objects, ``(s, t, d)``."""
+        states = np.empty((*paths.shape[:2], self.dimension), np.float32)
+        states[:] = present
+        last = np.float32(IMAGE_SIZE_PX - 1)
+        for i, one in enumerate(objects):
+            at = int(one[PLACE]) * SLOT_NUMBERS
+            if at < 0:
+                continue
+            bounds = self.concepts.bounds_px_[int(one[CONCEPT])]
+            for axis in range(2):
+                size, now = one[WIDTH + axis], one[X + axis]
+                limits = bounds[axis], bounds[axis + 2]
+                offset = present[at + axis] * last - _shown(now, size, limits)
+                states[:, :, at + axis] = (_shown(paths[:, :, i, axis], size, limits) + offset) / last
+            states[:, :, at + 2] = paths[:, :, i, 2]
+        return states
+
+    def _is_due(self, seen: int) -> bool:
+        c, newest = self.config, int(self.grown_.max())
+        return is_due(seen, newest, first=c.first_decisions, fewest=c.new_decisions, share=c.new_share)
+
+    def _grow_if_due(self, play: Play, seen: int) -> None:
+        if not self._is_due(seen) or not self.concepts.is_fitted:
+            return
+        c, before = self.config, (*self.kinds_, self.families_, np.array(self.teller_))
+        rng = np.random.default_rng([self.seed, seen])
+        told = {concept: _some(rows, c.most_rows, rng) for concept, rows in self.training_set(play).items()}
+        self.teller_ = find_teller(told, c.leaf_things)
+        after = *self.kinds_, self.families_, np.array(self.teller_)
+        same = all(np.array_equal(old, new) for old, new in zip(before, after, strict=True))
+        oldest = int(self.grown_.argmin()) if self.is_fitted and same else None
+        if oldest is None:
+            self._members = [Member.empty()] * c.members
+        for i in range(c.members) if oldest is None else (oldest,):
+            self._members[i] = grow_member(told, len(self.concepts), self.teller_, c, rng, draws=i > 0)
+        self.grown_[oldest] = seen  # of all of them where there is no oldest
+        self._pack()
+
+    def _pack(self) -> None:
+        """Note the trees as the compiled code wants them."""
+        self._trees = [(member.nodes, member.roots[None]) for member in self._members]
+
+
+def _shown(middle: Floats, size: float, limits: tuple[float, float]) -> Floats:
+    """Return the middle of what is seen of intervals between the limits, as places of pixels."""
+    low, high = np.maximum(middle - size / 2, limits[0]), np.minimum(middle + size / 2, limits[1])
+    places: Floats = np.where(high - low > 0.25 * size, (low + high) / 2, middle) - np.float32(0.5)
+    return places
+
+
+def _some(seen: Seen, most: int, rng: np.random.Generator) -> Seen:
+    """Return so many rows at most, drawn."""
+    rows, targets = seen
+    if len(rows) <= most:
+        return seen
+    drawn = np.sort(rng.choice(len(rows), most, replace=False))
+    return rows[drawn], targets[drawn]
