@@ -44,6 +44,16 @@ class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.ut
     UsageError
         When the frames are no RGB images, the run has not learned what the output needs, or was trained on another
         Atari game.
+
+    Examples
+    --------
+    With the run of the page *Start*:
+
+    >>> from semrl import make_env
+    >>> env = SemanticObservation(make_env("semrl/Catch-v0"), encoder="runs/catch")
+    >>> vector, info = env.reset(seed=0)
+    >>> vector.shape == (len(env.feature_names),)
+    True
     """
 
     def __init__(
@@ -125,6 +135,17 @@ class SemanticVectorObservation(gym.vector.VectorObservationWrapper):
         When the frames are no RGB images, the run has not learned to write scenes as vectors or was trained on another
         Atari game (which environments in other processes do not tell), or environments begin anew otherwise than at
         the next step (Gymnasium's default).
+
+    Examples
+    --------
+    With the run of the page *Start*, two games at once:
+
+    >>> from semrl import make_env
+    >>> games = gym.vector.SyncVectorEnv([lambda: make_env("semrl/Catch-v0")] * 2)
+    >>> env = SemanticVectorObservation(games, encoder="runs/catch")
+    >>> vectors, info = env.reset(seed=0)
+    >>> vectors.shape == (2, len(env.feature_names))
+    True
     """
 
     def __init__(self, env: gym.vector.VectorEnv[Any, Any, Any], encoder: str | Path | Encoder) -> None:

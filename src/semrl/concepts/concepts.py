@@ -79,7 +79,7 @@ class Concepts:
     >>> play = [np.array([ball, paddle], np.float32)] * 20
     >>> concepts = Concepts().partial_fit(play)
     >>> concepts.table_.names
-    ('object0', 'own1')
+    ('own0', 'object1')
     """
 
     def __init__(self, config: ConceptsConfig | None = None) -> None:

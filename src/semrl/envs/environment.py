@@ -123,6 +123,15 @@ def make_env(
     ------
     UsageError
         When the environment or an action is unknown, there is nothing to be seen or actions are not discrete.
+
+    Examples
+    --------
+    >>> env = make_env("semrl/Catch-v0")
+    >>> frame, info = env.reset(seed=0)
+    >>> frame.shape
+    (168, 168, 3)
+    >>> action_meanings(env)
+    ['LEFT', 'RIGHT']
     """
     config = config or EnvironmentConfig()
     # Silenced here, since an instance may be one of the emulator's, too.

@@ -65,6 +65,14 @@ def explain(
     ------
     UsageError
         When there is no such run or milestone, it has no map, or the episode ends before that decision.
+
+    Examples
+    --------
+    With the run of the page *Start*:
+
+    >>> why = explain("runs/catch", episode=0, step=12, policy="planner")
+    >>> why.choice.action in ("LEFT", "RIGHT"), why.step
+    (True, 12)
     """
     if min(episode, step, seed or 0) < 0:
         raise UsageError(f"episode, step and seed must be 0 or more, not {episode}, {step} and {seed}")

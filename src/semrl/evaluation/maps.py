@@ -28,6 +28,14 @@ def load_map(run: str | Path) -> LoadedMap:
     ------
     UsageError
         When there is no such run, or it has no map.
+
+    Examples
+    --------
+    With the run of the page *Start*:
+
+    >>> loaded = load_map("runs/catch")
+    >>> loaded.action_names
+    ('LEFT', 'RIGHT')
     """
     player = load_player(run)
     graph = player.require_map(run).state_map.graph_

@@ -156,6 +156,13 @@ def load_encoder(run: str | Path) -> Encoder:
     ------
     UsageError
         When there is no run, or it has not learned anything yet.
+
+    Examples
+    --------
+    With the run of the page *Start*:
+
+    >>> load_encoder("runs/catch").space.names[:2]
+    ('object 0 x', 'object 0 y')
     """
     return load_player(run).encoder
 

@@ -87,6 +87,14 @@ def evaluate(
     UsageError
         When there is no such run or milestone, its agent has not begun to learn, there is nothing to play, or a
         planner is asked for where there is no map.
+
+    Examples
+    --------
+    With the run of the page *Start*, five balls an episode:
+
+    >>> result = evaluate("runs/catch", episodes=2, policy="planner")
+    >>> result.episodes, result.lengths
+    (2, [45, 45])
     """
     if (episodes is not None and episodes < 1) or (seed is not None and seed < 0):
         raise UsageError(f"episodes must be 1 or more and seed 0 or more, not {episodes} and {seed}")

@@ -162,6 +162,12 @@ def preset(name: str, model: str | None = None, overrides: Mapping[str, Any] | N
     ------
     UsageError
         When the preset, the model or a key is unknown, or a value has the wrong type.
+
+    Examples
+    --------
+    >>> config = preset("semrl", "objects-map", {"env": "semrl/Catch-v0", "decisions": 1_500})
+    >>> config.decisions, config.planning.world_model
+    (1500, 'trees')
     """
     if name not in PRESETS:
         raise UsageError(f"unknown preset '{name}'; there are {', '.join(PRESETS)}")

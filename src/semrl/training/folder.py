@@ -72,7 +72,7 @@ class RunFolder:
         return cls(path)
 
     @classmethod
-    def open(cls, path: Path) -> Self:
+    def open(cls, path: str | Path) -> Self:
         """Find an existing run.
 
         Raises
@@ -80,6 +80,7 @@ class RunFolder:
         UsageError
             When there is none, or it was left half-written, or is of another version.
         """
+        path = Path(path)
         folder = cls(path)
         if not path.is_dir():
             raise UsageError(f"there is no run at {path}")

@@ -67,6 +67,14 @@ def train(path: str | Path, config: RunConfig | None = None, *, observers: Seque
         When the folder exists (new run) or is no run (resume), or the configuration cannot work.
     SemrlError
         When training fails or is stopped by SIGINT or SIGTERM; the last good checkpoint is kept.
+
+    Examples
+    --------
+    >>> from semrl import preset
+    >>> quick = {"env": "semrl/Catch-v0", "decisions": 100}
+    >>> result = train("runs/quick", preset("semrl", "baseline", quick))
+    >>> result.decisions, result.frames
+    (100, 400)
     """
     path = Path(path)
     folder = None if config else RunFolder.open(path)
