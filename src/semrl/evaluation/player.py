@@ -167,13 +167,20 @@ def load_encoder(run: str | Path) -> Encoder:
     return load_player(run).encoder
 
 
-def load_player(run: str | Path, at: int | None = None, *, memory: bool = False) -> Player:
+def load_player(
+    run: str | Path,
+    at: int | None = None,
+    *,
+    memory: bool = False,
+    adapt: Callable[[RunConfig], RunConfig] = lambda config: config,
+) -> Player:
     """Return the agent and the perception of a run, as of its newest checkpoint or of a milestone.
 
-    With `memory` its map and world model can go on learning: what they remember is loaded as well.
+    With `memory` its map and world model can go on learning: what they remember is loaded as well. `adapt` may change
+    the configuration that the parts are made of, where that changes nothing of what was learned.
     """
     folder = RunFolder.open(Path(run))
-    config = folder.config()
+    config = adapt(folder.config())
     checkpoint = folder.newest(at, play_only=True, memory=memory)
     device = config.device if is_there(config.device) else "auto"  # what a GPU has learned plays without one as well
     dqn = replace(config.dqn, replay_capacity=config.dqn.n_steps + 1)

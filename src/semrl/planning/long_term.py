@@ -43,7 +43,7 @@ class Routes:
     next_nodes: Ints
     """``(n,)`` int64, position of the next node on the route; −1 at goals and where no goal can be reached."""
     goals: NDArray[np.bool_]
-    """``(n,)`` bool: nodes with an outgoing edge whose reward is positive."""
+    """``(n,)`` bool: nodes with an outgoing edge whose reward is positive, or those that were asked for."""
 
     def __len__(self) -> int:
         return len(self.distances)
@@ -68,8 +68,8 @@ class Routes:
         return np.array(nodes, np.int64)
 
 
-def plan_routes(graph: MapGraph, config: LongTermConfig) -> Routes:
-    """Find the cheapest route from each node to a node with a positive outgoing edge (§3.4.2).
+def plan_routes(graph: MapGraph, config: LongTermConfig, *, goals: NDArray[np.bool_] | None = None) -> Routes:
+    """Find the cheapest route from each node to a node with a positive outgoing edge (§3.4.2), or to other goals.
 
     One pass of Dijkstra's algorithm from all goals at once, against the direction of the edges. Of parallel edges
     the cheapest counts. Equal maps have equal routes, whatever the order of their edges.
@@ -79,8 +79,9 @@ def plan_routes(graph: MapGraph, config: LongTermConfig) -> Routes:
     A positive edge starts at a goal, where routes end, so none is ever part of a route.
     """
     n = len(graph)
-    goals = np.zeros(n, np.bool_)
-    goals[graph.sources[graph.reward_signs > 0]] = True
+    if goals is None:
+        goals = np.zeros(n, np.bool_)
+        goals[graph.sources[graph.reward_signs > 0]] = True
     if not goals.any():
         return Routes(distances=np.full(n, np.inf), next_nodes=np.full(n, -1, np.int64), goals=goals)
     distances, towards, _ = dijkstra(

@@ -71,7 +71,7 @@ def rank(
     return Plan(
         node=node,
         path=path,
-        scenarios=_take(scenarios, order),
+        scenarios=take(scenarios, order),
         returns=returns[order],
         end_nodes=end_nodes[order],
         progress=progress[order],
@@ -138,7 +138,7 @@ def _progress(path: Ints, nodes: Ints) -> Ints:
     return np.where(matches.any(axis=1), matches.argmax(axis=1), OFF_PATH)
 
 
-def _take(scenarios: Scenarios, order: Ints) -> Scenarios:
+def take(scenarios: Scenarios, order: Ints) -> Scenarios:
     """Return the same scenarios in another order."""
     return Scenarios(
         actions=scenarios.actions[order],

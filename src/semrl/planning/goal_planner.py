@@ -1,0 +1,95 @@
+"""Planning for a goal that is told, not learned (§2.5): the same scenarios, ranked by how soon they reach it."""
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.core import Floats, History, Ints, MapGraph, Plan
+from semrl.planning.long_term import LongTermConfig, Routes, plan_routes
+from semrl.planning.protocol import Knowledge, Planner
+from semrl.planning.ranking import take
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Verdicts:
+    """What each of s scenarios comes to."""
+
+    broken: NDArray[np.int64]
+    """``(s,)``: decisions after which something is not kept that must be; one more than imagined where it is."""
+    reached: NDArray[np.int64]
+    """``(s,)``: decisions after which the goal is reached; one more than imagined where it is not."""
+    progress: NDArray[np.float64]
+    """``(s,)``: how much is done at the end."""
+    distances: NDArray[np.float64]
+    """``(s,)``: how far from what is sought next, 0 where it is met."""
+
+
+class GoalJudge(Protocol):
+    """Judges what is imagined by a goal."""
+
+    def judge(self, states: Floats, start: Floats) -> Verdicts:
+        """Judge ``(s, t, d)`` imagined states that follow the state ``(d,)``."""
+        ...
+
+    def nodes(self, graph: MapGraph) -> NDArray[np.bool_]:
+        """Return which nodes of a map meet what is sought next, ``(n,)``."""
+        ...
+
+
+class GoalPlanner:
+    """Chooses the scenario that reaches a goal soonest, and where none does, the one that comes closest.
+
+    On the map, nodes that meet the goal are what routes lead to (§3.4.2). The order that the planner of rewards would
+    give decides between scenarios that are alike for the goal.
+
+    Parameters
+    ----------
+    planner
+        Imagines scenarios, and ranks them by reward.
+    judge
+        Knows the goal.
+    costs
+        What routes cost.
+    """
+
+    def __init__(self, planner: Planner, judge: GoalJudge, costs: LongTermConfig) -> None:
+        self.planner = planner
+        self.judge = judge
+        self.costs = costs
+        self._routes: tuple[bytes, Routes] | None = None
+
+    @property
+    def depth(self) -> int:
+        """How many actions a plan has."""
+        return self.planner.depth
+
+    def plan(
+        self, history: History, knowledge: Knowledge, *, exploring: bool = False, first: int | None = None
+    ) -> Plan:
+        """Plan from where a history ends; see `Planner.plan`."""
+        routes = self._towards(knowledge.state_map.graph_)
+        plan = self.planner.plan(history, replace(knowledge, routes=routes), exploring=exploring, first=first)
+        verdicts = self.judge.judge(plan.scenarios.states, history.states[0])
+        far = routes.distances[plan.end_nodes] if len(routes) else np.zeros(len(plan.scenarios))
+        order = np.lexsort((far, verdicts.distances, -verdicts.progress, verdicts.reached, -verdicts.broken))
+        return _reordered(plan, order)
+
+    def _towards(self, graph: MapGraph) -> Routes:
+        """Return the ways to nodes that meet the goal, planned anew when other ones do."""
+        goals = self.judge.nodes(graph) if len(graph) else np.zeros(0, np.bool_)
+        known = goals.tobytes()
+        if self._routes is None or self._routes[0] != known:
+            self._routes = known, plan_routes(graph, self.costs, goals=goals)
+        return self._routes[1]
+
+
+def _reordered(plan: Plan, order: Ints) -> Plan:
+    return replace(
+        plan,
+        scenarios=take(plan.scenarios, order),
+        returns=plan.returns[order],
+        end_nodes=plan.end_nodes[order],
+        progress=plan.progress[order],
+    )
