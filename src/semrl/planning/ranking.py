@@ -94,7 +94,7 @@ def continued(plan: Plan, start: Floats, state_map: Locator, routes: Routes, *, 
         As for `rank`.
     """
     same = np.flatnonzero(plan.scenarios.actions[:, 0] == plan.actions[0])
-    left = _take(plan.scenarios, same)
+    left = take(plan.scenarios, same)
     node, path = -1, plan.path
     if len(state_map.graph_):
         node = int(state_map.locate(start)[0])
