@@ -1,13 +1,14 @@
 """``semrl train``: learn to see, then to play."""
 
 import argparse
+import contextlib
 import dataclasses
 import shlex
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -19,6 +20,9 @@ from semrl.core.strict_json import dumps
 from semrl.training import RunConfig, RunFolder, TrainResult, preset, train
 from semrl.training.config import read_toml
 from semrl.training.trainer import Observer
+
+if TYPE_CHECKING:
+    from semrl.cli.trackers import Tracker
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +41,8 @@ class TrainArguments:
     """TOML file of settings, on top of the preset and below the flags."""
     tensorboard: bool = False
     """Write TensorBoard events into the run's folder (extra 'tensorboard')."""
+    mlflow: bool = False
+    """Write to MLflow, where MLFLOW_TRACKING_URI says (extra 'mlflow')."""
     json: bool = False
     """Print one JSON object as the only line of standard output."""
 
@@ -49,14 +55,22 @@ def main(argv: Sequence[str]) -> None:
         path = _checked_resume(arguments, argv)
     config = None if arguments.resume else arguments.config
     shown = RunFolder.open(path).config() if config is None else config
-    with notes_in_one_line(), TrainingProgress(shown, path) as progress:
-        observers: list[Observer] = [progress]
-        if arguments.tensorboard:
-            from semrl.cli.tensorboard import TensorBoard
-
-            observers.append(TensorBoard(path / "tensorboard"))
+    trackers = _trackers(arguments, path, shown)
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(notes_in_one_line())
+        observers: list[Observer] = [stack.enter_context(TrainingProgress(shown, path))]
+        observers += [stack.enter_context(tracker) for tracker in trackers]
         result = train(path, config, observers=observers)
     tell(result, as_json=arguments.json)
+
+
+def _trackers(arguments: TrainArguments, path: Path, config: RunConfig) -> list["Tracker"]:
+    if not (arguments.tensorboard or arguments.mlflow):
+        return []
+    from semrl.cli import trackers
+
+    chosen = [trackers.tensorboard(path / "tensorboard")] if arguments.tensorboard else []
+    return [*chosen, *([trackers.mlflow(path, config)] if arguments.mlflow else [])]
 
 
 def tell(result: TrainResult, *, as_json: bool) -> None:
@@ -102,7 +116,7 @@ def _default_path(config: RunConfig) -> Path:
 def _checked_resume(arguments: TrainArguments, argv: Sequence[str]) -> Path:
     if arguments.run is None:
         raise UsageError("--resume needs --run: the folder to go on with")
-    allowed = {"--run", "--resume", "--json", "--tensorboard"}
+    allowed = {"--run", "--resume", "--json", "--tensorboard", "--mlflow"}
     others = [word.split("=")[0] for word in argv if word.startswith("--") and word.split("=")[0] not in allowed]
     if others:
         raise UsageError(f"a resumed run keeps its settings; leave out {', '.join(others)}")
