@@ -1,5 +1,9 @@
 """How Sphinx builds the site from this folder: `make docs`."""
 
+from typing import Any
+
+from sphinx.application import Sphinx
+
 from semrl import __version__
 
 project = "semrl"
@@ -24,3 +28,14 @@ napoleon_use_ivar = True
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 autoclass_content = "class"
+
+
+def _keep_colons(_app: Any, what: str, _name: str, _thing: Any, _options: Any, lines: list[str]) -> None:
+    """Keep napoleon from taking what stands before a colon, in what is said of an attribute, for its type."""
+    if what == "attribute":
+        lines.insert(0, r"\ ")  # an escaped space, which is printed as nothing
+
+
+def setup(app: Sphinx) -> None:
+    """Connect what is ours; called by Sphinx."""
+    app.connect("autodoc-process-docstring", _keep_colons, priority=400)  # before napoleon's 500

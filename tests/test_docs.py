@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from semrl import __version__
 from semrl.cli.main import COMMANDS
 from semrl.training import RunConfig, preset
 
@@ -131,3 +132,15 @@ def test_deviations_are_numbered_and_every_reference_has_one():
 @pytest.mark.parametrize("command", COMMANDS)
 def test_readme_mentions_command(command):
     assert f"semrl {command}" in README.read_text() + (ROOT / "docs" / "guide.md").read_text()
+
+
+def test_the_citation_names_this_version():
+    text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert re.search(r"^version: (.+)$", text, re.MULTILINE).group(1) == __version__
+
+
+def test_every_page_is_in_the_table_of_contents():
+    docs = ROOT / "docs"
+    listed = set(re.findall(r"^(?:.* <)?([\w/-]+)>?$", (docs / "index.md").read_text(encoding="utf-8"), re.MULTILINE))
+    pages = {path.relative_to(docs).with_suffix("").as_posix() for path in docs.rglob("*.md")} - {"index"}
+    assert pages <= listed, f"add to docs/index.md: {sorted(pages - listed)}"
