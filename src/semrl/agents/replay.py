@@ -172,7 +172,8 @@ class ReplayBuffer:
 
         Gains and losses are drawn equally often, however rare one of them is.
         """
-        kinds = [np.flatnonzero(self._rewards > 0), np.flatnonzero(self._rewards < 0)]
+        rewards = self._rewards[: len(self)]
+        kinds = [np.flatnonzero(rewards > 0), np.flatnonzero(rewards < 0)]
         kinds = [kind for kind in kinds if len(kind)]
         for kind, part in zip(kinds, np.array_split(ticks, len(kinds) or 1), strict=False):
             rewarded = newest - (newest - kind) % self.capacity  # entry → tick

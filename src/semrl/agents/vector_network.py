@@ -1,0 +1,201 @@
+"""The Q-network of vectors without the framework: the same weights, in compiled code on the CPU.
+
+Forwards, for one state or a batch, and backwards with Adam. Weights, moments and the constants of the input are the
+memory of PyTorch's tensors, so neither side has to be told what the other did. Results differ from PyTorch's in the
+order of sums alone.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import nn
+
+from semrl.agents.config import DQNConfig
+from semrl.agents.networks import FourierFeatures, QNetwork
+from semrl.agents.replay import Batch
+from semrl.agents.vector_kernels import activate, adam, loss_and_gradient, move_towards, pass_back, write_inputs
+from semrl.core import Floats
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Layer:
+    """Views of a dense layer's weights; without normalisation gain and shift are there and not looked at."""
+
+    weight: Floats  # (u, k)
+    bias: Floats  # (u,), as the following
+    gain: Floats
+    shift: Floats
+    normed: bool
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Pass:
+    """What one hidden layer made of a batch."""
+
+    inputs: Floats  # (b, k)
+    normal: Floats  # (b, u), sums, normalised if wanted
+    spread: Floats  # (b,)
+    active: Floats  # (b, u)
+
+
+class VectorNetwork:
+    """A Q-network of vectors on the CPU, forwards and backwards.
+
+    Parameters
+    ----------
+    network
+        Whose weights these are.
+    """
+
+    def __init__(self, network: QNetwork) -> None:
+        body = network.body
+        self._frequencies = len(body.factors) if isinstance(body, FourierFeatures) else 0
+        self._mean, self._scale = network.state_input.mean.numpy(), network.state_input.scale.numpy()
+        self._layers = _layers(network.dense)
+        self._width = self._layers[0].weight.shape[1]
+
+    def inputs(self, states: Floats, plans: Floats) -> Floats:
+        """Return what the first dense layer is given, ``(b, k)``, for ``(b, 2, d)`` states and ``(b, p)`` plans."""
+        rows = np.empty((len(states), self._width), np.float32)
+        write_inputs(states, plans, self._mean, self._scale, self._frequencies, rows)
+        return rows
+
+    def values(self, rows: Floats) -> Floats:
+        """Return the outputs, ``(b, n_values)``, for what `inputs` returned."""
+        return self.forward(rows)[0]
+
+    def forward(self, rows: Floats) -> tuple[Floats, list[_Pass]]:
+        """Return the outputs and what `backward` needs of the way there."""
+        passes = []
+        for layer in self._layers[:-1]:
+            sums = rows @ layer.weight.T
+            spread, active = np.empty(len(sums), np.float32), np.empty_like(sums)
+            activate(sums, layer.bias, layer.gain, layer.shift, layer.normed, spread, active)
+            passes.append(_Pass(inputs=rows, normal=sums, spread=spread, active=active))
+            rows = active
+        last = self._layers[-1]
+        return rows @ last.weight.T + last.bias, passes
+
+    def backward(self, rows: Floats, passes: list[_Pass], back: Floats, count: int) -> list[Floats]:
+        """Return the gradients of all weights, in the order of the module's parameters.
+
+        Parameters
+        ----------
+        rows
+            What `forward` was given.
+        passes
+            What it returned.
+        back
+            ``(count, n_values)``, gradient of the outputs of the first ``count`` rows; the others do not matter.
+        count
+            See there.
+        """
+        gradients: list[Floats] = []
+        for place in range(len(self._layers) - 1, -1, -1):
+            layer = self._layers[place]
+            if place == len(passes):
+                bias_back, norm_back = back.sum(axis=0), []
+            else:
+                done = passes[place]
+                bias_back, *norm_back = (np.empty(len(layer.bias), np.float32) for _ in range(3))
+                pass_back(
+                    back, done.active[:count], done.normal[:count], done.spread[:count], layer.gain, layer.normed,
+                    bias_back, *norm_back,
+                )  # fmt: skip
+            inputs = passes[place - 1].active[:count] if place else rows[:count]
+            gradients = [back.T @ inputs, bias_back, *(norm_back if layer.normed else []), *gradients]
+            if place:
+                back = back @ layer.weight
+        return gradients
+
+
+class VectorUpdates:
+    """Updates of a DQN on vectors: loss, gradient, Adam, target network.
+
+    Parameters
+    ----------
+    config
+        See `DQNConfig`.
+    network, target
+        The online network and the target network, on the CPU; both learn in place.
+    optimiser
+        Holds the moments, which are made here when there are none yet.
+    """
+
+    def __init__(
+        self, config: DQNConfig, network: QNetwork, target: QNetwork, optimiser: torch.optim.Optimizer
+    ) -> None:
+        self.config = config
+        self.online, self.target = VectorNetwork(network), VectorNetwork(target)
+        self._weights, self._targets = ([_flat(p) for p in side.parameters()] for side in (network, target))
+        self._moments = [_moments(optimiser, parameter) for parameter in network.parameters()]
+        self._steps = [optimiser.state[parameter]["step"].numpy() for parameter in network.parameters()]
+
+    def loss_and_gradients(self, batch: Batch, n_actions: int) -> tuple[float, list[Floats]]:
+        """Return the loss of a batch and its gradients, in the order of the parameters."""
+        c, n = self.config, len(batch.states)
+        states = np.concatenate([batch.states, batch.next_states])
+        rows = self.online.inputs(states, np.concatenate([batch.plans, batch.next_plans]))
+        both, passes = self.online.forward(rows if c.double else rows[:n])
+        following = self.target.values(rows[n:])
+        shape = (n, c.heads, n_actions)
+        back = np.empty(shape, np.float32)
+        loss = loss_and_gradient(
+            both[:n].reshape(shape), (both[n:] if c.double else following).reshape(shape), following.reshape(shape),
+            batch.returns, batch.discounts, batch.actions, batch.advised, c.advice_margin, c.advice_weight, back,
+        )  # fmt: skip
+        return loss, self.online.backward(rows, passes, back.reshape(n, -1), n)
+
+    def step(self, gradients: list[Floats], learning_rate: float) -> None:
+        """Take one step of Adam."""
+        c = self.config
+        for step in self._steps:
+            step[...] += 1  # they are the optimiser's
+        done = int(self._steps[0])
+        rates = np.array(
+            [
+                1 - c.adam_beta1, c.adam_beta2, 1 - c.adam_beta2, learning_rate / (1 - c.adam_beta1**done),
+                math.sqrt(1 - c.adam_beta2**done), c.adam_epsilon,
+            ],
+            np.float32,
+        )  # fmt: skip
+        for weights, gradient, (mean, square) in zip(self._weights, gradients, self._moments, strict=True):
+            adam(weights, gradient.ravel(), mean, square, rates)
+
+    def renew_target(self) -> None:
+        """Move the target network towards the online network."""
+        for old, new in zip(self._targets, self._weights, strict=True):
+            move_towards(old, new, self.config.tau)
+
+
+def _layers(dense: nn.Sequential) -> list[_Layer]:
+    """Return views of the dense layers, the linear one behind them last."""
+    layers: list[_Layer] = []
+    norms = {i - 1: module for i, module in enumerate(dense) if isinstance(module, nn.LayerNorm)}
+    for i, module in enumerate(dense):
+        if isinstance(module, nn.Linear):
+            weight, bias = _view(module.weight), _view(module.bias)
+            norm = norms.get(i)
+            gain, shift = (_view(norm.weight), _view(norm.bias)) if norm else (bias, bias)
+            layers.append(_Layer(weight=weight, bias=bias, gain=gain, shift=shift, normed=norm is not None))
+    return layers
+
+
+def _moments(optimiser: torch.optim.Optimizer, parameter: nn.Parameter) -> tuple[Floats, Floats]:
+    """Return views of the moments of a parameter; zeros before the first step."""
+    state = optimiser.state[parameter]
+    if not state:
+        state["step"] = torch.zeros(())
+        state["exp_avg"], state["exp_avg_sq"] = torch.zeros_like(parameter), torch.zeros_like(parameter)
+    return _flat(state["exp_avg"]), _flat(state["exp_avg_sq"])
+
+
+def _view(parameter: torch.Tensor) -> Floats:
+    view: Floats = parameter.detach().numpy()
+    return view
+
+
+def _flat(parameter: torch.Tensor) -> Floats:
+    return _view(parameter).reshape(-1)  # the same memory: parameters lie in one piece
