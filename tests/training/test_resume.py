@@ -40,6 +40,11 @@ THESIS_MODELS = {
 }
 TRACKED = OBJECTS | {"encoder": "tracked_scene"}
 TRACKED_DOC2VEC = DOC2VEC | {"encoder": "tracked_scene"}
+LIFTED = {
+    "planning__world_model": "lifted",
+    "planning__lifted__first_decisions": 40,
+    "planning__lifted__new_decisions": 30,
+}
 STORED = {"stability__decisions": 45}
 RICH_AGENT = {"dqn__heads": 3, "dqn__head_decisions": 5, "dqn__reward_share": 0.5}
 
@@ -75,6 +80,7 @@ class Rows:
         ("semantic-map", TRACKED, {*LEARNED, "roles", "agent"}),
         ("objects", RICH_AGENT, {*LEARNED, "roles", "agent"}),
         ("objects-map", OBJECTS | STORED, {"play", "agent"}),
+        ("objects-map", OBJECTS | STORED | LIFTED, {"play", "agent"}),
         ("ram", RICH_AGENT, {"agent"}),
         ("ram-map", OBJECTS, {"agent"}),
     ],
@@ -90,6 +96,7 @@ class Rows:
         "semantic-map-tracked",
         "objects",
         "objects-map-stored",
+        "objects-map-lifted",
         "ram",
         "ram-map",
     ],

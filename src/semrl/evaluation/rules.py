@@ -23,7 +23,7 @@ def load_rules(run: str | Path, *, most: int = MOST) -> list[Rule]:
     if not isinstance(player.require_predictions(run).world_model, RuleBased):
         raise UsageError(
             f"{run} predicts by '{player.config.planning.world_model}', which has no rules to read; "
-            "ask a run that was trained with --planning.world-model trees"
+            "ask a run that was trained with --planning.world-model trees or lifted"
         )
     return rules_of(player, most=most)
 

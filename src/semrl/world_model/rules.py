@@ -28,6 +28,10 @@ class Rule:
     """For which it held."""
     error: float
     """Root mean squared error in them."""
+    claim: str = ""
+    """What happens, in words, where that is no change by the value."""
+    right: int | None = None
+    """Of the decisions in which the conditions held, those in which the claim did; None where nothing is claimed."""
 
     def __str__(self) -> str:
         """Say it in one line."""
@@ -115,6 +119,10 @@ def read_rules(
 
 def sentence(rule: Rule) -> str:
     """Say a rule: what changes, when, and in how many decisions it was seen."""
+    if rule.claim and rule.right is not None:
+        when = " and ".join(rule.conditions)
+        when = when if when == "otherwise" else f"if {when}"
+        return f"{rule.claim} {when}  ({rule.right:,} of {rule.decisions:,})"
     when = f", if {' and '.join(rule.conditions)}" if rule.conditions else ", always"
     within = "exactly" if rule.error == 0 else f"± {rule.error:.2g}"
     value = round(rule.value, 3) + 0.0  # never −0

@@ -16,7 +16,7 @@ from semrl.world_model.lifted.play import TARGETS
 from semrl.world_model.tree_kernels import NODE
 
 Seen = tuple[Floats, Floats]
-"""What is asked of the things of one concept, ``(n, f)``, and their targets, ``(n, 5)``."""
+"""What is asked of the things of one concept, ``(n, f)``, and their targets, ``(n, 7)``."""
 
 _FEWEST = 20  # sightings that trees are grown from
 
@@ -98,7 +98,7 @@ def find_teller(seen: dict[int, Seen], leaf_rows: int) -> int:
         if len(rows) < _FEWEST or not rewards.any():
             continue
         places, cuts = bins_of(rows)
-        half = np.arange(len(rows)) // 50 % 2
+        half = np.arange(len(rows)) // min(50, len(rows) // 2) % 2  # neighbours are alike
         explained = 0.0
         for fold in (0, 1):
             nodes = _pruned(grow_tree(places, cuts, rewards, np.flatnonzero(half != fold), leaf_rows), 0.0)

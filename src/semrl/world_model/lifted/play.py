@@ -12,7 +12,9 @@ from semrl.world_model.experience import discounted
 from semrl.world_model.lifted.features import PAST_ACTIONS, Kinds, describe, width
 
 TARGETS = ("vx", "vy", "vanishes", "reward", "return")
-"""What is predicted of a thing: its next velocity, whether it is gone then, the reward now, and the return from now."""
+"""What is predicted of a thing: its next velocity, whether it is gone then, the reward now, and the return from now.
+
+Behind them stands the velocity after the next one: what turns between two decisions has turned by then."""
 
 _END = -1  # stands for the action after the last state of an episode
 
@@ -62,7 +64,7 @@ class Play:
         return SceneBuilder(concepts).objects(self.things, np.cumsum(self.sizes), fresh)
 
     def rows(self, objects: Floats, concept: int, kinds: Kinds, discount: float) -> tuple[Floats, Floats]:
-        """Return what is asked of each thing of a concept, ``(n, f)``, and `TARGETS`, ``(n, 5)``.
+        """Return what is asked of each thing of a concept, ``(n, f)``, and `TARGETS`, ``(n, 7)``.
 
                Of those alone whose velocity is known.
         The next velocity of what is gone is not a number.
@@ -92,7 +94,7 @@ def _rows(  # noqa: PLR0917 - compiled functions take no keywords
     n = 0
     for i in range(len(objects)):
         n += objects[i, CONCEPT] == concept and objects[i, AGE] >= 1
-    rows, targets = np.empty((n, width(relations)), np.float32), np.empty((n, 5), np.float32)
+    rows, targets = np.empty((n, width(relations)), np.float32), np.empty((n, 7), np.float32)
     now = np.empty(PAST_ACTIONS + 1, np.float32)
     n, begin, since = 0, 0, 0
     for t in range(len(ends) - 1):
@@ -104,8 +106,9 @@ def _rows(  # noqa: PLR0917 - compiled functions take no keywords
                 if objects[i, CONCEPT] != concept or objects[i, AGE] < 1:
                     continue
                 describe(objects[begin:end], i - begin, now, kinds, rows[n])
-                _what_came(objects[i], objects[end:after], targets[n])
-                targets[n, 3:] = gains[t]
+                last = ends[t + 2] if t + 2 < len(ends) and actions[t + 1] >= 0 else after
+                _what_came(objects[i], objects[end:after], objects[after:last], targets[n])
+                targets[n, 3:5] = gains[t]
                 n += 1
         since = since + 1 if actions[t] >= 0 else 0
         begin = end
@@ -113,14 +116,17 @@ def _rows(  # noqa: PLR0917 - compiled functions take no keywords
 
 
 @compiled
-def _what_came(one: Floats, following: Floats, target: Floats) -> None:
-    """Write the next velocity of an object, and whether it is gone."""
-    target[0] = target[1] = np.nan
+def _what_came(one: Floats, following: Floats, later: Floats, target: Floats) -> None:
+    """Write the next velocity of an object, whether it is gone, and the velocity after the next one."""
+    target[0] = target[1] = target[5] = target[6] = np.nan
     target[2] = 1
     for j in range(len(following)):
         if following[j, IDENTITY] == one[IDENTITY] and following[j, CONCEPT] >= 0:
             target[0], target[1] = following[j, X] - one[X], following[j, Y] - one[Y]
             target[2] = 0
+            for k in range(len(later)):
+                if later[k, IDENTITY] == one[IDENTITY] and later[k, CONCEPT] >= 0:
+                    target[5], target[6] = later[k, X] - following[j, X], later[k, Y] - following[j, Y]
 
 
 VELOCITIES = VX, VY

@@ -1,20 +1,26 @@
 """A model of the world in concepts, learned while the game goes on (§3.4.3): any number of things."""
 
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from itertools import groupby, islice
+
 import numpy as np
 
 from semrl.concepts import Concepts, SceneBuilder
 from semrl.concepts.scenes import CONCEPT, PLACE, WIDTH, X
 from semrl.core import Floats, History, Ints, Scenarios, Trajectory
-from semrl.core.arrays import Arrays, nest, unnest
+from semrl.core.arrays import Arrays, array_to_json, json_to_array, nest, unnest
 from semrl.core.errors import UsageError
 from semrl.core.named import IMAGE_SIZE_PX
 from semrl.core.things import SLOT_NUMBERS
 from semrl.world_model.ensemble import imagine_all, is_due
 from semrl.world_model.lifted.config import LiftedConfig
+from semrl.world_model.lifted.decision_lists import About, read_lists
 from semrl.world_model.lifted.features import PAST_ACTIONS, Kinds
 from semrl.world_model.lifted.growing import Member, Seen, find_teller, grow_member
 from semrl.world_model.lifted.play import Play
 from semrl.world_model.lifted.rolling import Trees, roll
+from semrl.world_model.rules import Rule
 
 
 class LiftedWorld:
@@ -73,6 +79,7 @@ class LiftedWorld:
         self.teller_ = -1
         self.seen_ = 0
         self.grown_: Ints = np.zeros(config.members, np.int64)
+        self._saved_lists: list[Rule] = []
         self._members: list[Member] = []
         self._trees: list[Trees] = []
 
@@ -132,6 +139,52 @@ class LiftedWorld:
             uncertainties=told.uncertainties,
         )
 
+    def rules(
+        self, names: Sequence[str], actions: Sequence[str], *, most: int = 8, unit: float | None = None
+    ) -> list[Rule]:
+        """Say what was learned of each concept: what turns, what brings rewards, what actions do; so many rules each.
+
+        Parameters
+        ----------
+        names, unit
+            Not needed: things are named by their concepts, and told in pixels.
+        actions
+            Names of the actions.
+        most
+            Rules for each velocity, and for the reward.
+
+        Raises
+        ------
+        UsageError
+            When less than one rule is asked for.
+        """
+        del names, unit
+        if most < 1:
+            raise UsageError(f"at least one rule must be asked for, not {most}")
+        found: list[Rule] = []
+        for about, group in groupby(self._lists(), key=lambda rule: rule.about):
+            found += [_with_names(rule, about, actions) for rule in islice(group, most)]
+        return found
+
+    def _lists(self) -> list[Rule]:
+        """Return the rules as they follow from what is remembered; of trees alone, as they were saved."""
+        if not len(self.play) or not len(self.kinds_.moving):
+            return self._saved_lists
+        table, rules = self.concepts.table_, []
+        alike = self.concepts.families_
+        families = [
+            " or ".join(table.names[k] for k in np.flatnonzero(self.kinds_.moving & (alike == alike[number])))
+            for number in self.families_
+        ]
+        objects = self.play.objects(self.concepts)
+        counts = np.bincount(objects[objects[:, CONCEPT] >= 0, CONCEPT].astype(np.int64), minlength=len(table))
+        order = sorted(np.flatnonzero(self.kinds_.moving).tolist(), key=lambda c: (c != self.teller_, -counts[c]))
+        for number in order:
+            seen = self.play.rows(objects, number, self.kinds_, self.discount)
+            about = About(table.names[number], families, bool(self.kinds_.controlled[number]), number == self.teller_)
+            rules += read_lists(*seen, about, int(self.play.actions.max(initial=-1)) + 1)
+        return rules
+
     def to_arrays(self) -> Arrays:
         """Return trees and memory."""
         return self.inference_arrays() | nest(play=self.play.to_arrays())
@@ -141,6 +194,7 @@ class LiftedWorld:
         own = {
             "counts": np.array([self.seen_, self.teller_, *self.grown_]),
             "families": self.families_,
+            "rules": json_to_array([asdict(rule) for rule in self._lists()]),
             **nest(kinds=self.kinds_._asdict()),
         }
         parts = {str(i): member.to_arrays() for i, member in enumerate(self._members)}
@@ -155,6 +209,9 @@ class LiftedWorld:
             self.concepts.from_arrays(concepts)
         self.seen_, self.teller_ = (int(number) for number in arrays["counts"][:2])
         self.grown_ = arrays["counts"][2:].copy()
+        self._saved_lists = [
+            Rule(**each | {"conditions": tuple(each["conditions"])}) for each in array_to_json(arrays["rules"])
+        ]
         self.families_, self.kinds_ = arrays["families"], Kinds(**unnest(arrays, "kinds"))
         parts = [unnest(arrays, str(i)) for i in range(self.config.members)]
         self._members = [Member.from_arrays(part) for part in parts if part]
@@ -240,6 +297,15 @@ def _shown(middle: Floats, size: float, limits: tuple[float, float]) -> Floats:
     low, high = np.maximum(middle - size / 2, limits[0]), np.minimum(middle + size / 2, limits[1])
     places: Floats = np.where(high - low > 0.25 * size, (low + high) / 2, middle) - np.float32(0.5)
     return places
+
+
+def _with_names(rule: Rule, about: str, actions: Sequence[str]) -> Rule:
+    """Return a rule with the names of actions in place of their numbers."""
+    said = tuple(
+        f"{before}{actions[int(number)] if number and int(number) < len(actions) else number}"
+        for before, _, number in (condition.partition("#") for condition in rule.conditions)
+    )
+    return replace(rule, about=about, conditions=said)
 
 
 def _some(seen: Seen, most: int, rng: np.random.Generator) -> Seen:

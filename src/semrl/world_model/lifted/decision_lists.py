@@ -1,0 +1,188 @@
+"""What was learned of concepts as rules that a person can check: few literals, how often they held, and an otherwise.
+
+Trees foresee; these explain. For each event of a concept, such as "vy turns", conditions of at most two literals over a
+fixed vocabulary are chosen one after the other, each for what those before it left (a decision list, Rivest 1987).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.core import Floats
+from semrl.world_model.lifted.features import ACTION, N_OWN, N_RELATION, TOUCHING_NEXT
+from semrl.world_model.rules import Rule
+
+LEAST_SPEED_PX = 0.3
+"""A decision: what is slower along an axis does not turn there."""
+
+SAME_PX = 1.0
+"""A decision: velocities that differ by less are the same, to people."""
+
+_MOST_ROWS = 20_000  # the newest, that rules are read from
+_FEWEST = 3  # times that a condition must have been right
+_LEAST_WORTH = 0.15
+_EDGE_PX, _FARTHEST = 1.0, 0.9995  # share of the places beyond an edge: some are mistakes
+_PRECISION = 0.5  # what recall counts against precision
+
+Mask = NDArray[np.bool_]
+
+
+class About(NamedTuple):
+    """A concept of which rules are read, and what it is related to."""
+
+    name: str
+    families: Sequence[str]
+    controlled: bool
+    tells: bool
+    """Whether it tells of rewards."""
+
+
+class _Event(NamedTuple):
+    """What is to be explained, of the rows where it could have been."""
+
+    about: str
+    claim: str
+    value: float
+    possible: Mask
+    happened: Mask
+    most: int
+
+
+def read_lists(rows: Floats, targets: Floats, about: About, n_actions: int) -> list[Rule]:
+    """Read rules from what was seen of the things of one concept; an action is written ``#number``.
+
+    Parameters
+    ----------
+    rows
+        ``(n, f)``, see `semrl.world_model.lifted.features.describe`.
+    targets
+        ``(n, 7)``, see `semrl.world_model.lifted.play.TARGETS`.
+    about
+        The concept.
+    n_actions
+        Number of actions.
+    """
+    moving = np.abs(rows[:, :2]).max(axis=1) >= LEAST_SPEED_PX
+    rows, targets = rows[moving][-_MOST_ROWS:], targets[moving][-_MOST_ROWS:]
+    if len(rows) < 2 * _FEWEST:
+        return []
+    literals = _literals(rows, about)
+    rules = [rule for event in _events(rows, targets, about) for rule in _list(event, literals)]
+    return [*rules, *(_effects(rows, targets, about, n_actions) if about.controlled else [])]
+
+
+def _literals(rows: Floats, about: About) -> dict[str, Mask]:
+    """Return what may be said of each row."""
+    said: dict[str, Mask] = {}
+    for k, (name, outwards) in enumerate((("left", -1), ("top", -1), ("right", 1), ("bottom", 1))):
+        farthest = outwards * np.quantile(outwards * rows[:, 6 + k], _FARTHEST)
+        said[f"it is beyond its {name} edge next"] = outwards * (rows[:, 10 + k] - farthest) >= -_EDGE_PX
+    for k, family in enumerate(about.families):
+        begin = N_OWN + N_RELATION * k
+        part = rows[:, begin : begin + N_RELATION]
+        said[f"it touches {family} next"] = part[:, TOUCHING_NEXT] > 0.5
+        there = part[:, 0] > 0.5
+        said[f"no {family} is level with it"] = ~there | (part[:, 2] > 0)
+    for name, axis in (("to the right", 0), ("down", 1)):
+        said[f"it goes {name}"] = rows[:, axis] > 0
+    return said
+
+
+def _events(rows: Floats, targets: Floats, about: About) -> list[_Event]:
+    """Return what is to be explained of a concept: turns, what vanishes, rewards."""
+    events = []
+    for axis, name in enumerate(("vx", "vy")):
+        before, after = rows[:, axis], targets[:, 5 + axis]
+        possible = ~np.isnan(after) & (np.abs(before) >= LEAST_SPEED_PX)
+        turned = possible & (np.sign(after) == -np.sign(before))
+        mirrored = turned & (np.abs(after + before) <= SAME_PX)
+        exact = 2 * mirrored.sum() > turned.sum()
+        claim = f"{name} := −{name}" if exact else f"{name} turns"
+        if not about.controlled:
+            events.append(_Event(f"{about.name} {name}", claim, -1.0, possible, mirrored if exact else turned, 3))
+    everywhere = np.ones(len(rows), np.bool_)
+    if about.tells:
+        for sign in (1, -1):
+            happened = targets[:, 3] == sign
+            events.append(_Event("the reward", f"{sign:+d} by {about.name}", sign, everywhere, happened, 1))
+    return [event for event in events if event.happened.sum() >= _FEWEST - 1]
+
+
+def _list(event: _Event, literals: dict[str, Mask]) -> list[Rule]:
+    """Choose conditions one after the other, and say what is left of the event otherwise."""
+    rules: list[Rule] = []
+    open_ = event.possible.copy()
+    while len(rules) < event.most:
+        worth, best, mask = max(
+            ((_worth(open_ & mask, open_ & event.happened), said, mask) for said, mask in _conditions(literals)),
+            key=lambda one: (one[0], -len(one[1])),
+        )
+        if worth < _LEAST_WORTH:
+            break
+        covered = open_ & mask
+        rules.append(_rule(event, best, covered))
+        open_ &= ~mask
+    return [*rules, _rule(event, ("otherwise",), open_)] if rules and open_.any() else rules
+
+
+def _conditions(literals: dict[str, Mask]) -> list[tuple[tuple[str, ...], Mask]]:
+    """Return every literal, and every two of them."""
+    names = list(literals)
+    single: list[tuple[tuple[str, ...], Mask]] = [((name,), literals[name]) for name in names]
+    pairs = [((one, other), literals[one] & literals[other]) for i, one in enumerate(names) for other in names[i + 1 :]]
+    return single + pairs
+
+
+def _worth(covered: Mask, wanted: Mask) -> float:
+    """Return how well a condition tells an event, 0 … 1: a mean of precision and recall that favours precision."""
+    right, n = int((covered & wanted).sum()), int(covered.sum())
+    if right < min(_FEWEST, int(wanted.sum())) or not right:
+        return 0.0
+    precision, recall = right / n, right / wanted.sum()
+    weight = _PRECISION**2
+    return float((1 + weight) * precision * recall / (weight * precision + recall))
+
+
+def _rule(event: _Event, said: tuple[str, ...], covered: Mask) -> Rule:
+    right = int((covered & event.happened).sum())
+    return Rule(
+        about=event.about, conditions=said, value=event.value, decisions=int(covered.sum()), error=0.0,
+        claim=event.claim, right=right,
+    )  # fmt: skip
+
+
+def _effects(rows: Floats, targets: Floats, about: About, n_actions: int) -> list[Rule]:
+    """Say to which velocity each action leads, soonest or one decision later, along the axis that it matters to."""
+    done = rows[:, ACTION].astype(np.int64)
+    shares = {column: _explained(targets[:, column], done, n_actions) for column in (0, 1, 5, 6)}
+    column = max(shares, key=lambda one: shares[one])
+    axis = column % 5
+    name, after, rules = ("vx", "vy")[axis], targets[:, column], []
+    for action in range(n_actions):
+        values = after[(done == action) & ~np.isnan(after)]
+        if len(values) < _FEWEST:
+            continue
+        value = float(np.median(values))
+        way = "up" if axis else "to the left"
+        way = ("down" if axis else "to the right") if value > 0 else way
+        right = int((np.sign(values) == np.sign(value)).sum()) if value else int((np.abs(values) <= SAME_PX).sum())
+        rules.append(
+            Rule(
+                about=f"{about.name} {name}", conditions=(f"the action is #{action}",), value=value,
+                decisions=len(values), error=float(values.std()), right=right,
+                claim=f"{name} is {value:+.2g} px, {way}," if value else f"{name} is 0,",
+            )
+        )  # fmt: skip
+    return rules
+
+
+def _explained(velocities: Floats, actions: NDArray[np.int64], n_actions: int) -> float:
+    """Return which share of the variance of velocities the actions explain."""
+    known = ~np.isnan(velocities)
+    values, actions = velocities[known].astype(np.float64), actions[known]
+    if not len(values) or not values.var():
+        return 0.0
+    within = sum(len(part) * part.var() for k in range(n_actions) if len(part := values[actions == k]))
+    return float(1 - within / (len(values) * values.var()))
