@@ -168,20 +168,21 @@ class LiftedWorld:
 
     def _lists(self) -> list[Rule]:
         """Return the rules as they follow from what is remembered; of trees alone, as they were saved."""
-        if not len(self.play) or not len(self.kinds_.moving):
+        if not len(self.play) or not self.is_fitted:
             return self._saved_lists
-        table, rules = self.concepts.table_, []
-        alike = self.concepts.families_
-        families = [
-            " or ".join(table.names[k] for k in np.flatnonzero(self.kinds_.moving & (alike == alike[number])))
-            for number in self.families_
-        ]
+        table, alike = self.concepts.table_, self.concepts.families_
         objects = self.play.objects(self.concepts)
+        kinds, numbers = self._relations(objects)  # there may be more concepts than when the trees were grown
+        families = [
+            " or ".join(table.names[k] for k in np.flatnonzero(kinds.moving & (alike == alike[number])))
+            for number in numbers
+        ]
         counts = np.bincount(objects[objects[:, CONCEPT] >= 0, CONCEPT].astype(np.int64), minlength=len(table))
-        order = sorted(np.flatnonzero(self.kinds_.moving).tolist(), key=lambda c: (c != self.teller_, -counts[c]))
+        order = sorted(np.flatnonzero(kinds.moving).tolist(), key=lambda c: (c != self.teller_, -counts[c]))
+        rules: list[Rule] = []
         for number in order:
-            seen = self.play.rows(objects, number, self.kinds_, self.discount)
-            about = About(table.names[number], families, bool(self.kinds_.controlled[number]), number == self.teller_)
+            seen = self.play.rows(objects, number, kinds, self.discount)
+            about = About(table.names[number], families, bool(kinds.controlled[number]), number == self.teller_)
             rules += read_lists(*seen, about, int(self.play.actions.max(initial=-1)) + 1)
         return rules
 
