@@ -144,3 +144,10 @@ def test_every_page_is_in_the_table_of_contents():
     listed = set(re.findall(r"^(?:.* <)?([\w/-]+)>?$", (docs / "index.md").read_text(encoding="utf-8"), re.MULTILINE))
     pages = {path.relative_to(docs).with_suffix("").as_posix() for path in docs.rglob("*.md")} - {"index"}
     assert pages <= listed, f"add to docs/index.md: {sorted(pages - listed)}"
+
+
+def test_links_between_pages_lead_somewhere():
+    pages = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
+    links = [(page, link) for page in pages for link in re.findall(r"\]\(([^)#\s]+)", page.read_text(encoding="utf-8"))]
+    lost = [f"{page.name}: {link}" for page, link in links if "://" not in link and not (page.parent / link).exists()]
+    assert len(links) > 50 and not lost, lost

@@ -61,7 +61,7 @@ def _run(block: Block, names: dict[str, object], folder: Path) -> str:
 
 def _commands(text: str) -> list[list[str]]:
     """Split a block into commands; one may go over several lines within quotes."""
-    starts = re.split(r"^(?=semrl |pip )", text, flags=re.MULTILINE)
+    starts = re.split(r"^(?=semrl |pip )", text.replace("\\\n", " "), flags=re.MULTILINE)
     return [shlex.split(command, comments=True) for command in starts if command.strip()]
 
 
