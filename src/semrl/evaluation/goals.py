@@ -15,14 +15,14 @@ from semrl.core.errors import UsageError
 from semrl.envs import Game
 from semrl.evaluation.player import Player, load_player
 from semrl.evaluation.scores import EVALUATION_SEED
-from semrl.evaluation.words import RunWords, node_states, words_of_run
+from semrl.evaluation.words import RunWords, knowledge_of, node_states, words_of_run
 from semrl.knowledge.compiler import Classifier
 from semrl.knowledge.distance import Distance
 from semrl.knowledge.goals import Goal, Progress, read_goal, require_possible_goal
 from semrl.planning.goal_planner import GoalPlanner, Verdicts
 from semrl.planning.module import PlanningModule
 from semrl.training.config import RunConfig
-from semrl.training.loop import Step, play
+from semrl.training.loop import EpisodeView, Step, play
 from semrl.training.session import limited_threads
 
 TRIAL_DECISIONS = 400
@@ -101,16 +101,17 @@ class GoalWatch:
                 distances = distances + (each.min(axis=1) if holds else each.mean(axis=1))
         return Verdicts(broken=broken, reached=reached, progress=course.share, distances=distances)
 
-    def nodes(self, graph: MapGraph) -> NDArray[np.bool_]:
-        """Return which nodes of a map meet what is sought next, ``(n,)``."""
+    def nodes(self, graph: MapGraph) -> NDArray[np.bool_] | None:
+        """Return which nodes of a map meet what is sought next, ``(n,)``; None where something is only kept."""
         wanted = tuple(place for asked in self.progress.wanted() for place, sought in asked if sought)
+        if not wanted:
+            return None
         key = wanted, len(graph)
         if key not in self._nodes:
             dimension = self.planning.dimension
             states, previous = node_states(graph, self.planning.config.velocity_weight, dimension)
             truths = self._truths(states, previous)
-            met = np.asarray(truths[:, list(wanted)].all(axis=1))
-            self._nodes[key] = met if wanted else np.zeros(len(graph), np.bool_)
+            self._nodes[key] = np.asarray(truths[:, list(wanted)].all(axis=1))
         return self._nodes[key]
 
     def _truths(self, states: Floats, previous: Floats) -> NDArray[np.bool_]:
@@ -166,6 +167,7 @@ def play_for_goal(
     player = load_player(run, adapt=_asking_all)
     planning = player.require_predictions(run)
     words = words_of_run(player, run)
+    words = replace(words, words=knowledge_of(words, run).words)
     goal = read_goal(text, words.words, hold=hold, until=until, avoid=avoid)
     require_possible_goal(goal, words.words)
     watch = GoalWatch(goal, words, planning)
@@ -177,7 +179,7 @@ def play_for_goal(
         for trial in range(trials):
             rng = np.random.default_rng([seed, trial])
             game = Game(env, int(rng.integers(2**31)))
-            steps = _trial(player, game, watch, _chooser(player, game, rng, policy))
+            steps = _trial(player.view(plans=policy != "random"), game, watch, _chooser(player, game, rng, policy))
             ended.append(_outcome(steps, watch, max_decisions, partial(on_step, trial)))
             on_trial(trial, ended[-1])
     reached = sum(one is not None for one in ended)
@@ -190,9 +192,8 @@ def _chooser(player: Player, game: Game, rng: np.random.Generator, policy: GoalP
     return lambda step: player.choose(step, "agent" if policy == "agent" else "planner")
 
 
-def _trial(player: Player, game: Game, watch: GoalWatch, choose: Callable[[Step], int]) -> Iterator[Step]:
+def _trial(view: EpisodeView, game: Game, watch: GoalWatch, choose: Callable[[Step], int]) -> Iterator[Step]:
     """Play an episode, and let the watch see it."""
-    view = player.view()
     watch.begin()
     before: Floats | None = None
     for step in play(game, view, choose):

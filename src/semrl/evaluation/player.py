@@ -40,6 +40,8 @@ class Player:
     """What the run has noted of its environment."""
     perceiving: bool
     """Whether perception was still being learned at this checkpoint."""
+    shield: Callable[[int, Step], int] | None = None
+    """Exchanges what the agent would do where people have forbidden what it leads to; see `shielded`."""
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -98,9 +100,9 @@ class Player:
         steps = play(game, view, choose)
         return itertools.islice(steps, self.config.evaluation.max_decisions + 1)  # and the first observation
 
-    def view(self) -> EpisodeView:
-        """Begin an episode that is seen and planned in, without learning."""
-        return EpisodeView(self.encoder, self.planning)
+    def view(self, *, plans: bool = True) -> EpisodeView:
+        """Begin an episode that is seen and, where plans are wanted, planned in, without learning."""
+        return EpisodeView(self.encoder, self.planning, plans=plans)
 
     def decide(self, step: Step, n_actions: int, rng: np.random.Generator, policy: Policy) -> int:
         """Return what is done in an evaluation: what the agent or the planner would do or, by chance, anything."""
@@ -111,7 +113,8 @@ class Player:
         """Return the action that the agent or the planner would take."""
         assert step.shown is not None
         if policy == "agent":
-            return self.agent.best_action(step.shown)
+            action = self.agent.best_action(step.shown)
+            return self.shield(action, step) if self.shield else action
         assert self.planning is not None, "only models with a map are asked for plans"
         return self.planning.proposed_action or 0
 

@@ -13,6 +13,7 @@ import numpy as np
 from semrl.core.errors import SemrlWarning, UsageError
 from semrl.evaluation.kept import keep_result, warn_unwritable
 from semrl.evaluation.player import Player, Policy, load_player
+from semrl.evaluation.shield import shielded
 from semrl.training.config import EvaluationConfig
 from semrl.training.loop import Step
 from semrl.training.session import limited_threads
@@ -126,7 +127,7 @@ def _ready_player(run: str | Path, policy: Policy, at: int | None, conditions: d
         )
     if policy == "planner":
         player.require_predictions(run)
-    return player
+    return shielded(player, run)
 
 
 def _conditions(player: Player, seed: int, world: World, games: Sequence["_Game"]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from semrl.core import Ints, MapGraph, Sight
 from semrl.core.errors import UsageError
 from semrl.evaluation.player import Player
+from semrl.knowledge.edits import Edited, edited, read_log
 from semrl.knowledge.ontology import Ontology
 from semrl.knowledge.slots import NUMBERS, SlotReader, kinds_of, slots_of, words_of
 from semrl.planning.module import PlanningModule
@@ -79,6 +80,17 @@ def _bounds(values: NDArray[np.float64], counts: Ints) -> tuple[float, float]:
     first, last = np.searchsorted(below, [_RARE, 1 - _RARE])
     low, high = values[order[first]], values[order[min(last, len(order) - 1)]]
     return float(low) - _SLACK, float(high) + _SLACK
+
+
+def knowledge_of(words: RunWords, run: str | Path) -> Edited:
+    """Return what a run knows with what people have added to it.
+
+    Raises
+    ------
+    UsageError
+        When that does not go with what the run has learned since.
+    """
+    return edited(words.words, read_log(Path(run)))
 
 
 def node_states(graph: MapGraph, weight: float, dimension: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -33,8 +33,8 @@ class GoalJudge(Protocol):
         """Judge ``(s, t, d)`` imagined states that follow the state ``(d,)``."""
         ...
 
-    def nodes(self, graph: MapGraph) -> NDArray[np.bool_]:
-        """Return which nodes of a map meet what is sought next, ``(n,)``."""
+    def nodes(self, graph: MapGraph) -> NDArray[np.bool_] | None:
+        """Return which nodes of a map meet what is sought next, ``(n,)``; None where no place is sought."""
         ...
 
 
@@ -69,16 +69,20 @@ class GoalPlanner:
         self, history: History, knowledge: Knowledge, *, exploring: bool = False, first: int | None = None
     ) -> Plan:
         """Plan from where a history ends; see `Planner.plan`."""
-        routes = self._towards(knowledge.state_map.graph_)
+        routes = self._towards(knowledge)
         plan = self.planner.plan(history, replace(knowledge, routes=routes), exploring=exploring, first=first)
         verdicts = self.judge.judge(plan.scenarios.states, history.states[0])
-        far = routes.distances[plan.end_nodes] if len(routes) else np.zeros(len(plan.scenarios))
+        sought = routes is not knowledge.routes
+        far = routes.distances[plan.end_nodes] if sought else np.zeros(len(plan.scenarios))
         order = np.lexsort((far, verdicts.distances, -verdicts.progress, verdicts.reached, -verdicts.broken))
         return _reordered(plan, order)
 
-    def _towards(self, graph: MapGraph) -> Routes:
+    def _towards(self, knowledge: Knowledge) -> Routes:
         """Return the ways to nodes that meet the goal, planned anew when other ones do."""
-        goals = self.judge.nodes(graph) if len(graph) else np.zeros(0, np.bool_)
+        graph = knowledge.state_map.graph_
+        goals = self.judge.nodes(graph) if len(graph) else None
+        if goals is None:
+            return knowledge.routes
         known = goals.tobytes()
         if self._routes is None or self._routes[0] != known:
             self._routes = known, plan_routes(graph, self.costs, goals=goals)

@@ -1,0 +1,88 @@
+"""A shield: plans keep out of the classes that people have forbidden, and actions that lead there are exchanged."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.core import Floats, MapGraph, Plan
+from semrl.evaluation.player import Player
+from semrl.evaluation.words import RunWords, knowledge_of, words_of_run
+from semrl.knowledge.compiler import Classifier
+from semrl.knowledge.edits import enabled_forbidden, read_log
+from semrl.planning.goal_planner import GoalPlanner, Verdicts
+from semrl.training.loop import Step
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Forbidden:
+    """Judges what is imagined by how often it is of a forbidden class (`GoalJudge`)."""
+
+    words: RunWords
+    classifier: Classifier
+    names: tuple[str, ...]
+
+    @classmethod
+    def of(cls, words: RunWords, names: Sequence[str]) -> "Forbidden":
+        """Make a judge of some classes of scenes."""
+        return cls(words=words, classifier=Classifier(words.words), names=tuple(names))
+
+    def entered(self, states: Floats, previous: Floats) -> NDArray[np.bool_]:
+        """Return which of ``(b, d)`` states are of a forbidden class, ``(b,)``."""
+        scenes = self.words.reader.read(states, previous)
+        return np.asarray(self.classifier.of_scenes(scenes, self.names).any(axis=1))
+
+    def judge(self, states: Floats, start: Floats) -> Verdicts:
+        """Judge ``(s, t, d)`` imagined states that follow the state ``(d,)``."""
+        s, t, d = states.shape
+        previous = np.concatenate([np.broadcast_to(start, (s, 1, d)), states[:, :-1]], axis=1)
+        entered = self.entered(states.reshape(-1, d), previous.reshape(-1, d)).reshape(s, t)
+        weights = np.arange(t, 0, -1)  # what comes soon counts more: there is time to think of the rest
+        return Verdicts(
+            broken=np.zeros(s, np.int64),
+            reached=np.zeros(s, np.int64),
+            progress=np.zeros(s),
+            distances=(entered * weights).sum(axis=1).astype(np.float64),
+        )
+
+    def nodes(self, graph: MapGraph) -> None:
+        """Leave the ways on the map as they are."""
+        del graph
+
+    def cost(self, plan: Plan, start: Floats) -> float:
+        """Return how soon and how often the best scenario of a plan is of a forbidden class."""
+        return float(self.judge(plan.scenarios.states[:1], start).distances[0])
+
+
+def shielded(player: Player, run: str | Path) -> Player:
+    """Return a player that keeps out of what people have forbidden in a run; the same one where they have not.
+
+    Plans are ranked by how soon and how often they are of a forbidden class before anything else. What the agent would
+    do is exchanged for what is planned where it leads there sooner.
+
+    Raises
+    ------
+    UsageError
+        When something is forbidden and the run cannot predict what leads to it.
+    """
+    if not any(edit.forbidden for edit in read_log(Path(run))):
+        return player
+    planning, words = player.require_predictions(run), words_of_run(player, run)
+    known = knowledge_of(words, run)
+    names = enabled_forbidden(known)
+    if not names:
+        return player
+    forbidden = Forbidden.of(replace(words, words=known.words), names)
+    planning.planner = GoalPlanner(planning.planner, forbidden, planning.config.long_term)
+
+    def exchanged(action: int, step: Step) -> int:
+        record = step.record
+        if record is None or record.plan is None or record.plan.actions[0] == action:
+            return action
+        other, start = planning.plan(record.history, first=action), record.history.states[0]
+        worse = other is not None and forbidden.cost(other, start) > forbidden.cost(record.plan, start)
+        return int(record.plan.actions[0]) if worse else action
+
+    return replace(player, shield=exchanged)

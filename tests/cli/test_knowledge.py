@@ -1,0 +1,99 @@
+"""``semrl knowledge``: what a run knows is listed, edited with a log and undo, exported; forbidden classes shield."""
+
+import json
+import shutil
+
+import pyoxigraph as ox
+import pytest
+
+from semrl.evaluation import evaluate
+from semrl.evaluation.knowledge import load_knowledge
+from semrl.evaluation.player import load_player
+from semrl.evaluation.shield import shielded
+from semrl.planning.goal_planner import GoalPlanner
+
+
+@pytest.fixture
+def run(tracked_run, tmp_path):
+    """A copy of a run, whose knowledge may be edited."""
+    shutil.copytree(tracked_run, tmp_path / "run")
+    return tmp_path / "run"
+
+
+def classes(call, run):
+    return {one["name"]: one for one in json.loads(call("knowledge", run, "--json").out)["classes"]}
+
+
+def test_edits_are_kept_and_taken_back(run, call):
+    assert classes(call, run) == {}
+    assert call("knowledge", run, "add", "Upper", "thing.y < 40", "--forbid").status == 0
+    assert call("knowledge", run, "add", "Both", "Upper and count(thing) > 1").status == 0
+    found = classes(call, run)
+    assert found["Upper"]["forbidden"] and found["Upper"]["condition"] == "thing.y < 40.0"
+    assert not found["Both"]["forbidden"]
+    assert call("knowledge", run, "disable", "Upper").status == 0
+    assert not classes(call, run)["Upper"]["enabled"]
+    for _ in range(3):
+        assert call("knowledge", run, "undo").status == 0
+    assert classes(call, run) == {}
+    assert "no edit" in call("knowledge", run, "undo").message
+    assert len((run / "knowledge.jsonl").read_text().splitlines()) == 6
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["add", "Empty", "thing and not thing"], "nothing could be of the class Empty"),
+        (["add", "thing", "autonomous"], "word of the run already"),
+        (["add", "Own Class", "thing"], "made of letters"),
+        (["add", "A", "A and thing"], "no class 'A'"),
+        (["add", "A"], "takes 2 words"),
+        (["assert", "disjoint(thing, autonomous)"], "nothing could be of the class"),
+        (["assert", "below(thing, autonomous)"], "cannot be below"),
+        (["assert", "thing"], "assert disjoint"),
+        (["disable", "Nothing"], "no defined class"),
+        (["add", "A", "x < 3", "--of-things", "--forbid"], "only classes of scenes"),
+        (["list", "--export", "words.txt"], "exported as"),
+        (["remove"], "remove"),
+    ],
+)
+def test_what_is_refused_changes_nothing(tracked_run, call, words, said):
+    told = call("knowledge", tracked_run, *words)
+    assert told.status == 2 and said in told.message
+    assert not (tracked_run / "knowledge.jsonl").exists()
+
+
+def test_a_damaged_log_is_told(run, call):
+    (run / "knowledge.jsonl").write_text('{"do": "add"\n')
+    told = call("knowledge", run)
+    assert told.status == 1 and "damaged in line 1" in told.message
+
+
+def test_a_class_that_people_added_can_be_a_goal(run, call):
+    call("knowledge", run, "add", "Wanted", "thing")
+    assert call("play", run, "--goal", "Wanted").status == 0
+
+
+@pytest.mark.parametrize("suffix", [".ttl", ".owl"])
+def test_the_export_can_be_read(run, call, tmp_path, suffix):
+    call("knowledge", run, "add", "Upper", "thing.y < 40 or count(thing) >= 2", "--comment", "In the upper part.")
+    path = tmp_path / f"words{suffix}"
+    assert call("knowledge", run, "--export", path).status == 0
+    form = ox.RdfFormat.TURTLE if suffix == ".ttl" else ox.RdfFormat.RDF_XML
+    triples = {(str(t.subject), str(t.predicate), str(t.object)) for t in ox.parse(path.read_bytes(), form)}
+    base = load_knowledge(run).base
+    told = [o for s, p, o in triples if s == f"<{base}Upper>" and p.endswith("comment>")]
+    assert told == ['"In the upper part."']
+    assert (f"<{base}autonomous>", "<http://www.w3.org/2000/01/rdf-schema#subClassOf>", f"<{base}thing>") in triples
+
+
+def test_play_is_shielded_from_what_is_forbidden(run, call):
+    player = load_player(run)
+    assert shielded(player, run) is player
+    call("knowledge", run, "add", "High", "thing.y < 40", "--forbid")
+    guarded = shielded(load_player(run), run)
+    assert guarded.shield is not None and isinstance(guarded.planning.planner, GoalPlanner)
+    for policy in ("agent", "planner"):
+        assert evaluate(run, episodes=1, policy=policy, max_decisions=20).episodes == 1
+    call("knowledge", run, "disable", "High")
+    assert shielded(load_player(run), run).shield is None
