@@ -96,6 +96,11 @@ def test_a_bounce_names_what_was_hit_and_along_which_axis():
     assert not contacts or contacts[0].things == (0, 7)
 
 
+def test_what_is_steered_turns_and_does_not_bounce():
+    scenes = [scene((0, 1, [20, y, 22, y + 9], (0, v))) for y, v in ((20, 4), (24, 4), (20, -4))]
+    assert events_of(scenes, TABLE) == []
+
+
 @pytest.mark.parametrize("border", range(4))
 def test_a_bounce_off_a_border_names_it(border):
     axis, far = border % 2, border >= 2

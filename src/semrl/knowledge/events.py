@@ -98,7 +98,8 @@ def _between(before: Scene, after: Scene, table: ConceptTable, decision: int) ->
         table.static[before.concepts],
         table.arena_px,
     )
-    return [(decision, *row) for row in rows.tolist()]
+    steered = table.controlled[before.concepts]  # what is steered turns without bouncing
+    return [(decision, *row) for row in rows.tolist() if row[0] != _BOUNCE or not steered[row[1]]]
 
 
 def _told(row: tuple[int, ...], scenes: Sequence[Scene], table: ConceptTable) -> Event:

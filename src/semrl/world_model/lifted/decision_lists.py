@@ -14,6 +14,9 @@ from semrl.core import Floats
 from semrl.world_model.lifted.features import ACTION, N_OWN, N_RELATION, TOUCHING_NEXT
 from semrl.world_model.rules import Rule
 
+REWARD = "the reward"
+"""What rules about it are about."""
+
 LEAST_SPEED_PX = 0.3
 """A decision: what is slower along an axis does not turn there."""
 
@@ -23,7 +26,9 @@ SAME_PX = 1.0
 _MOST_ROWS = 20_000  # the newest, that rules are read from
 _FEWEST = 3  # times that a condition must have been right
 _LEAST_WORTH = 0.15
+_TRIVIAL = 0.9  # share of the rows: what holds more often tells nothing
 _EDGE_PX, _FARTHEST = 1.0, 0.9995  # share of the places beyond an edge: some are mistakes
+_OTHERWISE = ("otherwise",)
 _PRECISION = 0.5  # what recall counts against precision
 
 Mask = NDArray[np.bool_]
@@ -35,8 +40,6 @@ class About(NamedTuple):
     name: str
     families: Sequence[str]
     controlled: bool
-    tells: bool
-    """Whether it tells of rewards."""
 
 
 class _Event(NamedTuple):
@@ -73,6 +76,19 @@ def read_lists(rows: Floats, targets: Floats, about: About, n_actions: int) -> l
     return [*rules, *(_effects(rows, targets, about, n_actions) if about.controlled else [])]
 
 
+def joined_lists(lists: Sequence[Sequence[Rule]]) -> list[Rule]:
+    """Join the rules of several concepts; first, and of rewards alone, the one that tells best of them."""
+
+    def told(rules: Sequence[Rule]) -> float:
+        said = [rule for rule in rules if rule.about == REWARD and rule.conditions != _OTHERWISE]
+        return sum((rule.right or 0) ** 2 / max(rule.decisions, 1) for rule in said)
+
+    best = max(range(len(lists)), key=lambda i: told(lists[i]), default=-1)
+    rewards = [rule for rule in lists[best] if rule.about == REWARD] if best >= 0 else []
+    ordered = sorted(range(len(lists)), key=lambda i: i != best)
+    return rewards + [rule for i in ordered for rule in lists[i] if rule.about != REWARD]
+
+
 def _literals(rows: Floats, about: About) -> dict[str, Mask]:
     """Return what may be said of each row."""
     said: dict[str, Mask] = {}
@@ -87,7 +103,7 @@ def _literals(rows: Floats, about: About) -> dict[str, Mask]:
         said[f"no {family} is level with it"] = ~there | (part[:, 2] > 0)
     for name, axis in (("to the right", 0), ("down", 1)):
         said[f"it goes {name}"] = rows[:, axis] > 0
-    return said
+    return {name: mask for name, mask in said.items() if mask.mean() < _TRIVIAL}
 
 
 def _events(rows: Floats, targets: Floats, about: About) -> list[_Event]:
@@ -103,10 +119,9 @@ def _events(rows: Floats, targets: Floats, about: About) -> list[_Event]:
         if not about.controlled:
             events.append(_Event(f"{about.name} {name}", claim, -1.0, possible, mirrored if exact else turned, 3))
     everywhere = np.ones(len(rows), np.bool_)
-    if about.tells:
-        for sign in (1, -1):
-            happened = targets[:, 3] == sign
-            events.append(_Event("the reward", f"{sign:+d} by {about.name}", sign, everywhere, happened, 1))
+    for sign in (1, -1):
+        happened = targets[:, 3] == sign
+        events.append(_Event(REWARD, f"{sign:+d} by {about.name}", sign, everywhere, happened, 1))
     return [event for event in events if event.happened.sum() >= _FEWEST - 1]
 
 
@@ -124,7 +139,7 @@ def _list(event: _Event, literals: dict[str, Mask]) -> list[Rule]:
         covered = open_ & mask
         rules.append(_rule(event, best, covered))
         open_ &= ~mask
-    return [*rules, _rule(event, ("otherwise",), open_)] if rules and open_.any() else rules
+    return [*rules, _rule(event, _OTHERWISE, open_)] if rules and open_.any() else rules
 
 
 def _conditions(literals: dict[str, Mask]) -> list[tuple[tuple[str, ...], Mask]]:

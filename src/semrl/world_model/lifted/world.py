@@ -15,7 +15,7 @@ from semrl.core.named import IMAGE_SIZE_PX
 from semrl.core.things import SLOT_NUMBERS
 from semrl.world_model.ensemble import imagine_all, is_due
 from semrl.world_model.lifted.config import LiftedConfig
-from semrl.world_model.lifted.decision_lists import About, read_lists
+from semrl.world_model.lifted.decision_lists import About, joined_lists, read_lists
 from semrl.world_model.lifted.features import PAST_ACTIONS, Kinds
 from semrl.world_model.lifted.growing import Member, Seen, find_teller, grow_member
 from semrl.world_model.lifted.play import Play
@@ -178,13 +178,12 @@ class LiftedWorld:
             for number in numbers
         ]
         counts = np.bincount(objects[objects[:, CONCEPT] >= 0, CONCEPT].astype(np.int64), minlength=len(table))
-        order = sorted(np.flatnonzero(kinds.moving).tolist(), key=lambda c: (c != self.teller_, -counts[c]))
-        rules: list[Rule] = []
-        for number in order:
+        lists = []
+        for number in sorted(np.flatnonzero(kinds.moving).tolist(), key=lambda c: -counts[c]):
             seen = self.play.rows(objects, number, kinds, self.discount)
-            about = About(table.names[number], families, bool(kinds.controlled[number]), number == self.teller_)
-            rules += read_lists(*seen, about, int(self.play.actions.max(initial=-1)) + 1)
-        return rules
+            about = About(table.names[number], families, bool(kinds.controlled[number]))
+            lists.append(read_lists(*seen, about, int(self.play.actions.max(initial=-1)) + 1))
+        return joined_lists(lists)
 
     def to_arrays(self) -> Arrays:
         """Return trees and memory."""
