@@ -142,9 +142,9 @@ def test_several_environments_need_frames_and_a_trained_perception(baseline_run,
         SemanticVectorObservation(gym.vector.SyncVectorEnv([raw]), baseline_run)
     with pytest.raises(UsageError):
         SemanticVectorObservation(gym.make_vec("CartPole-v1", num_envs=2), semantic_run)
-    with pytest.raises(UsageError, match="begin anew at the next step"):
-        anew_at_once = gym.vector.SyncVectorEnv([raw], autoreset_mode=gym.vector.AutoresetMode.SAME_STEP)
-        SemanticVectorObservation(anew_at_once, semantic_run)
+    with pytest.raises(UsageError, match="begin anew by themselves"):
+        never = gym.vector.SyncVectorEnv([raw], autoreset_mode=gym.vector.AutoresetMode.DISABLED)
+        SemanticVectorObservation(never, semantic_run)
 
 
 def test_tracked_scenes_are_drawn_as_labels(tracked_run):

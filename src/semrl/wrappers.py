@@ -111,7 +111,7 @@ class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.ut
         self._episode = self.encoder.begin()
 
 
-class SemanticVectorObservation(gym.vector.VectorObservationWrapper):
+class SemanticVectorObservation(gym.vector.VectorWrapper):
     """Show an agent the scenes of several environments at once, as `SemanticObservation` does with one.
 
     Each row is the embedding of an environment's scene and its difference to the one before, which is zero at
@@ -133,8 +133,8 @@ class SemanticVectorObservation(gym.vector.VectorObservationWrapper):
     ------
     UsageError
         When the frames are no RGB images, the run has not learned to write scenes as vectors or was trained on another
-        Atari game (which environments in other processes do not tell), or environments begin anew otherwise than at
-        the next step (Gymnasium's default).
+        Atari game (which environments in other processes do not tell), or environments do not begin anew by themselves
+        (Gymnasium's autoreset modes at the next and in the same step; of the latter ``final_obs`` is elevated as well).
 
     Examples
     --------
@@ -150,8 +150,9 @@ class SemanticVectorObservation(gym.vector.VectorObservationWrapper):
 
     def __init__(self, env: gym.vector.VectorEnv[Any, Any, Any], encoder: str | Path | Encoder) -> None:
         mode = env.metadata.get("autoreset_mode", gym.vector.AutoresetMode.NEXT_STEP)
-        if mode != gym.vector.AutoresetMode.NEXT_STEP:
-            raise UsageError(f"a semantic observation needs environments that begin anew at the next step, not {mode}")
+        if mode == gym.vector.AutoresetMode.DISABLED:
+            raise UsageError("a semantic observation needs environments that begin anew by themselves, not DISABLED")
+        self._in_same_step = mode == gym.vector.AutoresetMode.SAME_STEP
         super().__init__(env)
         _check_frames(env.single_observation_space)
         self.encoder = load_encoder(encoder) if isinstance(encoder, str | Path) else encoder
@@ -169,13 +170,21 @@ class SemanticVectorObservation(gym.vector.VectorObservationWrapper):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[Any], dict[str, Any]]:
         """Reset all environments; the first differences are zero."""
+        frames, infos = self.env.reset(seed=seed, options=options)
         self._begins[:] = True
-        return super().reset(seed=seed, options=options)
+        return self.observations(frames), infos
 
     def step(self, actions: Any) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Step all environments; one whose episode is over begins anew at the next step."""
-        seen, rewards, terminations, truncations, infos = super().step(actions)
-        self._begins = terminations | truncations
+        """Step all environments; one whose episode is over begins anew, as its autoreset mode says."""
+        frames, rewards, terminations, truncations, infos = self.env.step(actions)
+        over = terminations | truncations
+        if self._in_same_step:
+            if over.any():
+                infos = infos | {"final_obs": self._last(infos["final_obs"], over)}
+            self._begins = over
+        seen = self.observations(frames)
+        if not self._in_same_step:
+            self._begins = over
         return seen, rewards, terminations, truncations, infos
 
     def observations(self, observations: NDArray[np.uint8]) -> NDArray[Any]:
@@ -190,6 +199,14 @@ class SemanticVectorObservation(gym.vector.VectorObservationWrapper):
         self._previous = current
         self._begins = np.zeros(len(current), np.bool_)
         return np.concatenate([current, change], axis=1)
+
+    def _last(self, frames: NDArray[Any], over: NDArray[np.bool_]) -> NDArray[Any]:
+        """Elevate the last frames of episodes that are over, ``(n,)`` of vectors, None where one goes on."""
+        vectors = np.full(len(frames), None, object)
+        for place in np.flatnonzero(over).tolist():
+            current = self._episodes[place].encode(Observation(frame=frames[place])).vector
+            vectors[place] = np.concatenate([current, current - self._previous[place]])
+        return vectors
 
 
 def _check_frames(space: gym.Space[Any]) -> None:

@@ -1,6 +1,7 @@
 """Every object drawn in the grey level of its class: the model `birch` (§4.3)."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -31,7 +32,7 @@ class ClassesEncoder(ThroughPerception):
 
     def begin(self) -> SingleFrames:
         """Begin an episode."""
-        return SingleFrames(self._encode, lambda observation: look_at_classes(self.perception, observation))
+        return SingleFrames(self._encode, partial(look_at_classes, self.perception))
 
     def _encode(self, observation: Observation) -> State:
         return State(vector=class_image(self.perception, self.perception.detector.detect(observation.frame)))

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from semrl.core import IMAGE_SIZE_PX, Observation, Sight, State, StateSpace
+from semrl.core import IMAGE_SIZE_PX, Observation, State, StateSpace
 from semrl.perception.config import PerceptionConfig
 from semrl.perception.detection.grey import to_grey
-from semrl.perception.encoders.single_frames import AsItIs, SingleFrames
+from semrl.perception.encoders.single_frames import AsItIs, SingleFrames, see_nothing
 
 IMAGES = StateSpace(shape=(IMAGE_SIZE_PX, IMAGE_SIZE_PX), dtype=np.uint8)
 """The space of encoders that show images."""
@@ -22,7 +22,7 @@ class GreyEncoder(AsItIs):
 
     def begin(self) -> SingleFrames:
         """Begin an episode."""
-        return SingleFrames(_encode, lambda _: Sight())
+        return SingleFrames(_encode, see_nothing)
 
 
 def _encode(observation: Observation) -> State:

@@ -38,7 +38,11 @@ class ObjectsEncoder(ThroughPerception):
 
     def begin(self) -> "TrackedEpisode":
         """Begin an episode."""
-        return TrackedEpisode(self.perception, lambda facts, things: State(vector=facts, facts=facts, things=things))
+        return TrackedEpisode(self.perception, _as_state)
+
+
+def _as_state(facts: Floats, things: Floats) -> State:
+    return State(vector=facts, facts=facts, things=things)
 
 
 class TrackedEpisode:

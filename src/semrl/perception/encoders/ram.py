@@ -1,9 +1,9 @@
 """Coordinates read from the emulator's RAM: the models `ram` and `ram-map` (§3.1)."""
 
-from semrl.core import Observation, Sight, State, StateSpace
+from semrl.core import Observation, State, StateSpace
 from semrl.envs import ram_feature_names, ram_features
 from semrl.perception.config import PerceptionConfig
-from semrl.perception.encoders.single_frames import AsItIs, SingleFrames
+from semrl.perception.encoders.single_frames import AsItIs, SingleFrames, see_nothing
 
 
 class RamEncoder(AsItIs):
@@ -23,7 +23,7 @@ class RamEncoder(AsItIs):
 
     def begin(self) -> SingleFrames:
         """Begin an episode."""
-        return SingleFrames(self._encode, lambda _: Sight())
+        return SingleFrames(self._encode, see_nothing)
 
     def _encode(self, observation: Observation) -> State:
         assert observation.ram is not None, "games with mapped RAM have RAM"
