@@ -146,7 +146,8 @@ def test_the_snapshot_says_what_the_step_holds(session):
     assert told["plan"]["scenarios"][0]["actions"] == [player.action_names[a] for a in step.record.plan.actions]
     assert told["place"]["node"] == step.record.plan.node
     unit = player.encoder.space.unit
-    facts = {fact["name"]: fact["value"] * unit for fact in told["facts"]}
+    facts = {f["name"]: f["value"] * (1 if isinstance(f["value"], bool) else unit) for f in told["facts"]}
+    assert all(isinstance(f["value"], bool) == f["name"].endswith(" seen") for f in told["facts"])
     assert facts == pytest.approx(
         dict(zip(player.encoder.space.names, step.state.facts.tolist(), strict=False)), rel=1e-3, abs=1e-6
     )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from semrl.core.errors import UsageError
-from semrl.world_model.rules import feature_names, read_rules
+from semrl.world_model.rules import feature_names, read_rules, read_tree
 from semrl.world_model.tree_kernels import lay_out
 from semrl.world_model.trees import Forests
 
@@ -108,3 +108,17 @@ def test_numbers_are_told_in_the_unit_that_is_asked_for():
     assert any("x > 5.75" in rule.conditions for rule in scaled)
     actions = [{text for rule in told for text in rule.conditions if "action" in text} for told in (plain, scaled)]
     assert actions[0] == actions[1] and actions[0]
+
+
+@pytest.mark.parametrize("most", [1, 3, 8])
+def test_the_rule_that_fires_is_the_one_whose_decisions_it_counts(most):
+    rng = np.random.default_rng(most)
+    rows = rng.integers(0, 9, (300, 3)).astype(np.float32)
+    targets = np.column_stack([(rows[:, 0] > 4) * 3.0 + (rows[:, 1] > 2) * rows[:, 2], np.zeros(300)])
+    read = read_tree(forest(rows, targets).tree(0), "n", ("a", "b", "c"), ACTIONS, most=most)
+    fired = [read.at(row) for row in rows]
+    assert len(read.by_support) <= most
+    for rule in read.by_support:
+        here = np.array([one is rule for one in fired])
+        assert here.sum() == rule.decisions
+        assert targets[here, 0].mean() == pytest.approx(rule.value, abs=1e-5)

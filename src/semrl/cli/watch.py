@@ -94,6 +94,7 @@ def _listen(port: int) -> socket.socket:
         if os.name != "nt":  # where it would let two programs have the same port
             listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listening.bind((HOST, port))
+        listening.listen()  # who comes before the server does waits
     except (OSError, OverflowError) as error:
         listening.close()
         reason = getattr(error, "strerror", None) or "ports go from 0 to 65535"

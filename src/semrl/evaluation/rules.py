@@ -4,8 +4,8 @@ from pathlib import Path
 
 from semrl.core.errors import UsageError
 from semrl.evaluation.player import Player, load_player
-from semrl.world_model.protocol import RuleBased
-from semrl.world_model.rules import Rule
+from semrl.world_model.protocol import RuleBased, RulesThatFire
+from semrl.world_model.rules import Rule, RuleBook
 
 MOST = 8
 """Rules for each number of a state, and for the reward, when nothing else is asked for."""
@@ -33,9 +33,20 @@ def rules_of(player: Player, *, most: int = MOST) -> list[Rule]:
     world = player.planning.world_model if player.planning else None
     if not (world and world.is_fitted and isinstance(world, RuleBased)):
         return []
+    return world.rules(_names(player), player.action_names, most=most, unit=unit_of(player))
+
+
+def rule_book_of(player: Player, *, most: int = MOST) -> RuleBook | None:
+    """Return the same rules, to be asked which of them hold at a decision; None where that cannot be told."""
+    world = player.planning.world_model if player.planning else None
+    if not (world and world.is_fitted and isinstance(world, RulesThatFire)):
+        return None
+    return world.rule_book(_names(player), player.action_names, most=most, unit=unit_of(player))
+
+
+def _names(player: Player) -> tuple[str, ...]:
     space = player.encoder.space
-    names = space.names or tuple(f"number {i}" for i in range(space.n_facts))
-    return world.rules(names, player.action_names, most=most, unit=unit_of(player))
+    return space.names or tuple(f"number {i}" for i in range(space.n_facts))
 
 
 def unit_of(player: Player) -> float:

@@ -127,6 +127,11 @@ class _Hub:
         self.newest: Shown | None = None
         self._waiting: set[asyncio.Event] = set()
 
+    @property
+    def pages(self) -> int:
+        """How many pages are open."""
+        return len(self._waiting)
+
     def publish(self, shown: Shown) -> None:
         """Take a moment from the thread that plays."""
         assert self.loop is not None
@@ -207,6 +212,9 @@ class _Page:
             pass
         finally:
             sending.cancel()
+            if self.hub.pages == 1:  # nobody else looks
+                self.driver.obey("pause")
+                self.driver.obey("hold", [])
             with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError):
                 await sending
 

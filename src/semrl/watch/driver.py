@@ -1,5 +1,6 @@
 """The thread in which a watched run plays: it keeps time, obeys, and hands out what is to be shown."""
 
+import contextlib
 import json
 import queue
 import threading
@@ -54,8 +55,10 @@ class Driver:
         self.about = json.dumps(about(session), allow_nan=False)
         self.playing = False
         self.speed = 1.0
+        self.trouble: str | None = None
         self.per_second = _decisions_per_second(session)
         self._orders: queue.SimpleQueue[tuple[Callable[[], Any], Future[Any]] | None] = queue.SimpleQueue()
+        self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="watch", daemon=True)
         self.commands: dict[str, Callable[[Any], object]] = {
             "play": lambda _: self._play(True),
@@ -84,6 +87,8 @@ class Driver:
         """Have something done in the thread, between two decisions."""
         done: Future[Any] = Future()
         self._orders.put((work, done))
+        if self._ended.is_set():
+            self._refuse()
         return done
 
     def obey(self, name: object, value: object = None) -> "Future[Any]":
@@ -101,24 +106,46 @@ class Driver:
 
     def shown(self) -> Shown:
         """Return what is to be shown now; call it in the thread, by `do`."""
-        controls = {"playing": self.playing, "speed": self.speed}
+        controls = {"playing": self.playing, "speed": self.speed, "trouble": self.trouble}
         told = of_moment(self.session) | controls
         return Shown(
             text=json.dumps(told, allow_nan=False), picture=picture(self.session.moment.step.observation.frame)
         )
 
     def _run(self) -> None:
-        with limited_threads(self.session.player.config.threads):
-            due, last_shown = time.monotonic(), 0.0
-            self.on_shown(self.shown())
-            while self._serve(due - time.monotonic() if self.playing else None):
-                now = time.monotonic()
-                if self.playing and now >= due:
-                    self.session.step()
-                    due = max(due + 1 / (self.per_second * self.speed), now - 0.1)  # what was missed is not made up for
-                if not self.playing or now - last_shown >= 1 / PICTURES_PER_SECOND:
-                    self.on_shown(self.shown())
-                    last_shown = now
+        try:
+            with limited_threads(self.session.player.config.threads):
+                self._go_on()
+        finally:
+            self._ended.set()
+            self._refuse()
+
+    def _go_on(self) -> None:
+        due, last_shown = time.monotonic(), 0.0
+        self.on_shown(self.shown())
+        while self._serve(due - time.monotonic() if self.playing else None):
+            now = time.monotonic()
+            if self.playing and now >= due:
+                self._step()
+                due = max(due + 1 / (self.per_second * self.speed), now - 0.1)  # what was missed is not made up for
+            if not self.playing or now - last_shown >= 1 / PICTURES_PER_SECOND:
+                self.on_shown(self.shown())
+                last_shown = now
+
+    def _step(self) -> None:
+        """Play on, or stand still and say why that cannot be."""
+        try:
+            self.session.step()
+        except SemrlError as error:
+            self.playing, self.trouble = False, str(error)
+
+    def _refuse(self) -> None:
+        """Tell whoever waits that nothing will be done any more."""
+        with contextlib.suppress(queue.Empty):
+            while True:
+                order = self._orders.get_nowait()
+                if order is not None and not order[1].done():
+                    order[1].set_exception(SemrlError("the run is no longer being watched"))
 
     def _serve(self, seconds: float | None) -> bool:
         """Carry out the next order, waiting for it so long at most; return whether to go on."""
@@ -129,6 +156,7 @@ class Driver:
         if order is None:
             return False
         work, done = order
+        self.trouble = None
         try:
             done.set_result(work())
         except SemrlError as error:
@@ -150,6 +178,7 @@ class Driver:
     def _set_person(self, value: object) -> None:
         self.session.person = value is True
         self.session.held = frozenset()
+        self.session.show(self.session.kept[1])  # what was cannot be played again
 
     def _hold(self, value: object) -> None:
         if not isinstance(value, list) or not all(isinstance(key, str) for key in value):

@@ -15,6 +15,7 @@ from semrl.envs import Game
 from semrl.evaluation.explaining import explain_played
 from semrl.evaluation.explanation import Explanation
 from semrl.evaluation.player import Player, Policy, evaluation_game
+from semrl.evaluation.rules import rule_book_of
 from semrl.evaluation.scores import EVALUATION_SEED
 from semrl.evaluation.video import write_video
 from semrl.training.loop import EpisodeView, Step
@@ -67,6 +68,8 @@ class WatchSession:
         Whether a person decides, by the keys in `held`.
     held : frozenset of str
         Keys that the person holds, as browsers call them.
+    rules : RuleBook or None
+        By which the run predicts; None where its world model has no rules.
     keys : list of frozenset of str
         Those that must be held for each action.
 
@@ -87,6 +90,7 @@ class WatchSession:
         self.run = run
         self.seed = player.config.seed + EVALUATION_SEED if seed is None else seed
         self.keys = keys_of(player.action_names)
+        self.rules = rule_book_of(player)
         self.held: frozenset[str] = frozenset()
         self.person = False
         self.policy: Policy = policy

@@ -14,6 +14,7 @@ from semrl.evaluation.video import imagined_ways
 from semrl.planning import reason
 from semrl.training.loop import Step
 from semrl.watch.session import WatchSession
+from semrl.world_model.rules import sentence
 
 MOST_NODES, MOST_EDGES = 3_000, 6_000
 """Of a map that are drawn: those that stand for most of what was lived."""
@@ -41,6 +42,7 @@ def about(session: WatchSession) -> dict[str, Any]:
         "actions": list(player.action_names),
         "keys": [sorted(keys) for keys in session.keys],
         "policies": ["agent", "planner"] if can_predict else ["agent"],
+        "unit": player.encoder.space.unit,
         "colours": [list(colour) for colour in CLASS_COLOURS],
         "map": drawn_map(planning.state_map.graph_, planning.routes.goals) if planning else None,
     }
@@ -73,6 +75,7 @@ def of_moment(session: WatchSession) -> dict[str, Any]:
         "ways": [np.round(way, 4).tolist() for way in imagined_ways(player.encoder.space, step)],
         "trail": _trail(session),
         "came": _came(session),
+        "rules": _rules(session),
         "place": _place(session, step),
     }
 
@@ -114,7 +117,11 @@ def drawn_map(graph: MapGraph, goals: np.ndarray[Any, np.dtype[np.bool_]]) -> di
 
 
 def _flattened(means: Floats | np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Return places in a unit square, ``(n, 2)``: the two directions in which the nodes differ most."""
+    """Return places in a unit square, ``(n, 2)``: along the two directions in which the nodes differ most.
+
+    Most nodes lie close together, so that places are drawn half way between where they are and where they would be if
+    they lay evenly.
+    """
     if not len(means):
         return np.zeros((0, 2))
     centred = means - means.mean(axis=0)
@@ -122,8 +129,9 @@ def _flattened(means: Floats | np.ndarray[Any, np.dtype[np.float64]]) -> np.ndar
     flat = np.zeros((len(means), 2))
     known = directions[:2]
     flat[:, : len(known)] = centred @ known.T
-    ranks = flat - flat.min(axis=0)
-    return np.asarray(ranks / np.maximum(ranks.max(axis=0), 1e-12))
+    apart = flat - flat.min(axis=0)
+    even = np.argsort(np.argsort(flat, axis=0, kind="stable"), axis=0, kind="stable") / max(len(flat) - 1, 1)
+    return np.asarray((apart / np.maximum(apart.max(axis=0), 1e-12) + even) / 2)
 
 
 def _objects(session: WatchSession) -> list[dict[str, Any]]:
@@ -136,17 +144,25 @@ def _objects(session: WatchSession) -> list[dict[str, Any]]:
 
 
 def _facts(session: WatchSession) -> list[dict[str, Any]]:
-    """Tell the named numbers of the state and their last change, in the unit of the rules."""
-    step, unit = session.moment.step, unit_of(session.player)
-    names = session.player.encoder.space.names[:FACTS_SHOWN]
+    """Tell the named numbers of the state and their last change, in the unit of the rules.
+
+    Of numbers that are no place, 0 and 1 are told as false and true.
+    """
+    step, unit, space = session.moment.step, unit_of(session.player), session.player.encoder.space
+    names = space.names[:FACTS_SHOWN]
     if step.state is None or not names:
         return []
+    holds = (space.axes[: len(names)] < 0) if space.axes is not None else np.zeros(len(names), np.bool_)
     now = step.state.facts[: len(names)]
     before = session.before(1)[0].step.state
     last = now if before is None else before.facts[: len(names)]
     return [
-        {"name": name, "value": _rounded(value / unit), "change": _rounded((value - old) / unit)}
-        for name, value, old in zip(names, now.tolist(), last.tolist(), strict=True)
+        {
+            "name": name,
+            "value": bool(value) if flag and value in (0, 1) else _rounded(value / unit),
+            "change": 0 if flag else _rounded((value - old) / unit),
+        }
+        for name, value, old, flag in zip(names, now.tolist(), last.tolist(), holds.tolist(), strict=True)
     ]
 
 
@@ -221,6 +237,15 @@ def _miss(session: WatchSession) -> float | None:
         return None
     apart = np.abs(scenarios.states[same[0], 0] - steps[1].state.facts)
     return _rounded(float(apart.max()) / unit_of(session.player))
+
+
+def _rules(session: WatchSession) -> list[dict[str, str]]:
+    """Tell the rules that held for the decision that led here."""
+    steps = [m.step for m in session.before(1)]
+    if session.rules is None or len(steps) < 2 or steps[0].record is None or steps[1].action is None:
+        return []
+    fired = session.rules.fired(steps[0].record.history, steps[1].action)
+    return [{"about": rule.about, "says": sentence(rule)} for rule in fired]
 
 
 def _place(session: WatchSession, step: Step) -> dict[str, Any] | None:

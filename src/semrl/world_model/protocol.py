@@ -6,7 +6,7 @@ from typing import Protocol, Self, runtime_checkable
 from semrl.concepts import Concepts
 from semrl.core import Floats, History, Ints, Scenarios, Trajectory, Transitions
 from semrl.core.protocols import Learner, Persistent
-from semrl.world_model.rules import Rule
+from semrl.world_model.rules import Rule, RuleBook
 
 
 class DynamicsModel(Persistent, Protocol):
@@ -75,4 +75,15 @@ class RuleBased(Protocol):
         self, names: Sequence[str], actions: Sequence[str], *, most: int = 8, unit: float | None = None
     ) -> list[Rule]:
         """Return the rules for each number of a state, and for the reward."""
+        ...
+
+
+@runtime_checkable
+class RulesThatFire(RuleBased, Protocol):
+    """A world model that can tell which of its rules hold at a decision."""
+
+    def rule_book(
+        self, names: Sequence[str], actions: Sequence[str], *, most: int = 8, unit: float | None = None
+    ) -> RuleBook:
+        """Return the same rules, to be asked which of them hold at a decision."""
         ...

@@ -4,11 +4,13 @@ A forest's trees have hundreds of leaves; most of them correct a few cases. Prun
 (cost-complexity pruning, Breiman et al. 1984) the few that say most are left.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from semrl.core import Floats, History
 from semrl.core.errors import UsageError
 from semrl.world_model.tree_kernels import Relations
 from semrl.world_model.trees import Tree
@@ -38,6 +40,43 @@ class Rule:
         return f"{self.about}: {sentence(self)}"
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TreeRules:
+    """The rules of one tree, and which of them holds where."""
+
+    tree: Tree
+    by_leaf: Mapping[int, Rule]
+    """Node at which the pruned tree ends → its rule."""
+
+    @property
+    def by_support(self) -> list[Rule]:
+        """The rules, those that hold most often first."""
+        return sorted(self.by_leaf.values(), key=lambda rule: -rule.decisions)
+
+    def at(self, row: Floats) -> Rule:
+        """Return the rule whose conditions hold for what the tree sees of a decision, ``(f,)``."""
+        node = 0
+        while node not in self.by_leaf:
+            right = row[self.tree.columns[node]] > self.tree.cuts[node]
+            node = int(self.tree.left[node]) + int(right)
+        return self.by_leaf[node]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RuleBook:
+    """All rules of a world model, to be asked at decisions."""
+
+    trees: tuple[TreeRules, ...]
+    """Of each number that changes, of the reward, and of the return."""
+    see: Callable[[History, int], Floats]
+    """Returns what trees see of a decision, ``(f,)``, from the history in which it was taken and the action."""
+
+    def fired(self, history: History, action: int) -> list[Rule]:
+        """Return the rule of each number that holds when an action is taken where a history ends."""
+        row = self.see(history, action)
+        return [rules.at(row) for rules in self.trees]
+
+
 def feature_names(names: Sequence[str], past_states: int, past_actions: int, relations: Relations) -> list[str]:
     """Name the columns of `semrl.world_model.tree_kernels.lay_out`."""
     changes = [
@@ -59,7 +98,12 @@ def feature_names(names: Sequence[str], past_states: int, past_actions: int, rel
     return [*names, *(f"{name}, if it goes on," for name in names), *changes, *compared, *actions]
 
 
-def read_rules(
+def read_rules(tree: Tree, about: str, names: Sequence[str], actions: Sequence[str], **options: Any) -> list[Rule]:
+    """Read the rules of a tree, those that hold most often first; see `read_tree`."""
+    return read_tree(tree, about, names, actions, **options).by_support
+
+
+def read_tree(
     tree: Tree,
     about: str,
     names: Sequence[str],
@@ -68,8 +112,8 @@ def read_rules(
     most: int = 8,
     scale: float = 1.0,
     value_scale: float = 1.0,
-) -> list[Rule]:
-    """Read the rules of a tree, those that hold most often first.
+) -> TreeRules:
+    """Read the rules of a tree.
 
     Parameters
     ----------
@@ -94,27 +138,25 @@ def read_rules(
     if most < 1:
         raise UsageError(f"at least one rule must be asked for, not {most}")
     leaves = _pruned(tree, most)
-    found: list[Rule] = []
+    found: dict[int, Rule] = {}
     open_nodes: list[tuple[int, dict[int, tuple[float, float]]]] = [(0, {})]
     while open_nodes:
         node, bounds = open_nodes.pop()
         if node in leaves:
             conditions = tuple(_condition(names[column], *bound, actions, scale) for column, bound in bounds.items())
-            found.append(
-                Rule(
-                    about=about,
-                    conditions=conditions,
-                    value=value_scale * float(tree.means[node]),
-                    decisions=int(tree.rows[node]),
-                    error=value_scale * float(np.sqrt(tree.errors[node])),
-                )
+            found[node] = Rule(
+                about=about,
+                conditions=conditions,
+                value=value_scale * float(tree.means[node]),
+                decisions=int(tree.rows[node]),
+                error=value_scale * float(np.sqrt(tree.errors[node])),
             )
             continue
         column, cut = int(tree.columns[node]), float(tree.cuts[node])
         low, high = bounds.get(column, (-np.inf, np.inf))
         open_nodes.append((int(tree.left[node]), bounds | {column: (low, min(high, cut))}))
         open_nodes.append((int(tree.left[node]) + 1, bounds | {column: (max(low, cut), high)}))
-    return sorted(found, key=lambda rule: -rule.decisions)
+    return TreeRules(tree=tree, by_leaf=found)
 
 
 def sentence(rule: Rule) -> str:

@@ -11,7 +11,7 @@ from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.errors import UsageError
 from semrl.world_model.ensemble import imagine_all, is_due
 from semrl.world_model.experience import Experience
-from semrl.world_model.rules import Rule, feature_names, read_rules
+from semrl.world_model.rules import Rule, RuleBook, feature_names, read_tree
 from semrl.world_model.tree_kernels import Relations, lay_out, width
 from semrl.world_model.trees import Forests
 
@@ -166,8 +166,7 @@ class TreeWorld:
         Where some forests screen, only the sequences that they think best of come back.
         """
         unit, c = np.float32(self.config.resolution), self.config
-        window = np.rint(history.window(c.past_states)[:, self.varying_] / unit)
-        past = self.inertia_, window, history.recent(c.past_actions)
+        past = self.inertia_, *self._past(history)
         relations = self.relations_
 
         def roll(tried: Ints, members: slice) -> tuple[Floats, Floats, Floats]:
@@ -201,6 +200,13 @@ class TreeWorld:
         unit
             In which numbers are told; the resolution when None.
         """
+        book = self.rule_book(names, actions, most=most, unit=unit)
+        return [rule for rules in book.trees for rule in rules.by_support]
+
+    def rule_book(
+        self, names: Sequence[str], actions: Sequence[str], *, most: int = 8, unit: float | None = None
+    ) -> RuleBook:
+        """Return the same rules as a book that tells which of them hold at a decision; see `rules`."""
         varying = [names[i] for i in self.varying_.tolist()]
         c = self.config
         columns = feature_names(varying, c.past_states, c.past_actions, self.relations_)
@@ -209,13 +215,25 @@ class TreeWorld:
             f"the change of {name}" if inert else name for name, inert in zip(varying, self.inertia_, strict=True)
         ]
         told = [*((name, scale) for name in changing), (REWARD, 1.0), (RETURN, 1.0)]
-        return [
-            rule
-            for target, (about, value_scale) in enumerate(told)
-            for rule in read_rules(
+        trees = [
+            read_tree(
                 self.forests.tree(target), about, columns, actions, most=most, scale=scale, value_scale=value_scale
             )
+            for target, (about, value_scale) in enumerate(told)
         ]
+        return RuleBook(trees=tuple(trees), see=self._see)
+
+    def _see(self, history: History, action: int) -> Floats:
+        """Return what trees see of a decision, ``(f,)``."""
+        window, before = self._past(history)
+        rows = lay_out(window[None], before[None].astype(np.int64), np.array([action]), self.relations_)
+        return np.asarray(rows[0])
+
+    def _past(self, history: History) -> tuple[Floats, Floats]:
+        """Return the states, in units of the resolution, and actions that are looked at, the newest first."""
+        c = self.config
+        window = np.rint(history.window(c.past_states)[:, self.varying_] / np.float32(c.resolution))
+        return window, history.recent(c.past_actions)
 
     def training_set(self, buffer: Experience, rng: np.random.Generator) -> tuple[Floats, NDArray[np.float64]]:
         """Return what trees see of decisions, ``(n, f)``, and are to predict, ``(n, k)``: changes, reward, return.

@@ -19,7 +19,7 @@ function fitted(canvas, height) { // as many pixels as the screen has
 }
 
 export function drawScreen(canvas, bitmap, moment, about, wanted) {
-  const most = Math.max(240, window.innerHeight * 0.56);
+  const most = Math.max(240, window.innerHeight * (window.innerWidth > 768 ? 0.47 : 0.56));
   const height = Math.min((canvas.clientWidth * bitmap.height) / bitmap.width, most);
   if (Math.abs(canvas.clientHeight - height) > 1) canvas.style.height = `${height}px`;
   const [pen, full] = fitted(canvas, height);

@@ -1,6 +1,6 @@
 // The live page: shows what the run tells over a web socket, and tells it what a person wants.
 // Names come from environments, files and people: they are only ever set as text.
-import { drawScreen, drawMap, drawCurve, colourOf } from "./drawing.js";
+import { colourOf, drawCurve, drawMap, drawScreen } from "./drawing.js";
 
 const $ = (id) => document.getElementById(id);
 const MAX_CURVE = 600;
@@ -31,6 +31,7 @@ async function receive(data) {
   const told = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
   const picture = await createImageBitmap(new Blob([new Uint8Array(data, 4 + length)]));
   if (bitmap) bitmap.close();
+  if (!moment && told.newest === 0 && !matchMedia("(prefers-reduced-motion: reduce)").matches) say("play");
   [moment, bitmap] = [told, picture];
   remember(told);
   refresh();
@@ -64,6 +65,7 @@ function introduce(told) {
   $("map-card").hidden = !told.map;
   const keys = told.actions.map((name, i) => `${told.keys[i].map(keyName).join(" + ") || "nothing"}: ${name}`);
   text("keys", `Hold ${keys.join(" · ")}. While no key is held that means something, ${told.keys.some((k) => !k.length) ? "the game waits" : "the other one decides"}. Escape gives the joystick back.`);
+  text("fact-value", about.unit === 0.01 ? "value, %" : "value");
   refresh();
 }
 
@@ -88,6 +90,7 @@ function show() {
   text("action", m.action ?? "–");
   text("by", m.by ?? "beginning");
   $("by").className = m.by === "person" ? "tag person" : "tag";
+  if (m.trouble) complain(m.trouble);
   text("play", m.playing ? "Pause" : "Play");
   $("screen").setAttribute("aria-label", `The game at decision ${m.decision} of episode ${m.episode}, with ${m.objects.length} objects`);
   showControls(m);
@@ -157,11 +160,12 @@ function showStrip(strip, decisions) {
     cell.textContent = short(action);
     cell.title = `${action}${reward ? `, reward ${number(reward, 2)}` : ""}${by ? `, by ${by}` : ""}`;
     cell.className = `${reward > 0 ? "gain" : reward < 0 ? "loss" : ""} ${by === "person" ? "mine" : ""}`;
-    cell.style.setProperty("--of", colourOf(about.actions.indexOf(action), about));
+    cell.style.setProperty("--of", colourOf(about.actions.indexOf(action)));
   });
 }
 
-const short = (name) => (name.length > 4 ? name.slice(0, 1) : name);
+const WORDS = /NOOP|UP|DOWN|LEFT|RIGHT|FIRE/g; // of directions and buttons the first letter is enough
+const short = (name) => (name === "NOOP" ? "·" : name.replace(WORDS, (word) => word[0]).slice(0, 3));
 
 function showCame({ decisions, miss }) {
   showStrip($("came"), decisions);
@@ -181,7 +185,7 @@ function showFacts(facts) {
   }, (row, i) => {
     const [name, value, change] = row.children;
     name.textContent = facts[i].name;
-    value.textContent = number(facts[i].value, 2);
+    value.textContent = typeof facts[i].value === "boolean" ? (facts[i].value ? "yes" : "no") : number(facts[i].value, 2);
     change.textContent = facts[i].change ? `${facts[i].change > 0 ? "+" : ""}${number(facts[i].change, 2)}` : "";
     change.className = facts[i].change ? "moves" : "";
   });
@@ -254,6 +258,9 @@ $("person").onchange = () => {
   say("person", $("person").checked);
   $("person").blur(); // its keys are the game's now
 };
+for (const id of ["speed", "moment", "policy"]) {
+  $(id).addEventListener("change", () => moment?.person && $(id).blur());
+}
 for (const id of ["draw-boxes", "draw-names", "draw-ways", "draw-trail"]) $(id).onchange = refresh;
 
 document.addEventListener("keydown", (event) => {
@@ -275,7 +282,9 @@ function press(event) {
 }
 
 document.addEventListener("keyup", (event) => {
-  if (held.delete(event.key)) say("hold", [...held]);
+  if (!held.delete(event.key)) return;
+  event.preventDefault();
+  say("hold", [...held]);
 });
 window.addEventListener("blur", () => {
   if (held.size) say("hold", []);

@@ -1,0 +1,124 @@
+"""The page in a real browser: it plays, pauses, steps, goes back, hands over the joystick; names are text."""
+
+import contextlib
+import shutil
+import socket
+import threading
+import time
+from dataclasses import replace
+
+import pytest
+
+from semrl.watch.driver import Driver
+from semrl.watch.session import WatchSession
+
+uvicorn = pytest.importorskip("uvicorn", reason="the extra 'watch' is not installed")
+serving = pytest.importorskip("semrl.watch.app", reason="the extra 'watch' is not installed", exc_type=ImportError)
+webdriver = pytest.importorskip("selenium.webdriver", reason="selenium, which drives the browser, is not installed")
+waiting = pytest.importorskip("selenium.webdriver.support.ui", reason="selenium is not installed")
+ID, TAG, CSS = "id", "tag name", "css selector"
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+CHROMEDRIVER = shutil.which("chromedriver")
+HOSTILE = "<img src=x onerror=\"document.title='taken'\"><script>document.title='taken'</script>"
+SECONDS = 60
+
+pytestmark = pytest.mark.skipif(
+    not (CHROMIUM and CHROMEDRIVER),
+    reason="there is no Chromium with its driver: apt-get install chromium chromium-driver",
+)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    for argument in (
+        "--headless=new",
+        "--no-sandbox",
+        "--disable-dev-shm-usage",
+        "--disable-gpu",
+        "--window-size=1280,900",
+    ):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    with webdriver.Chrome(options=options, service=webdriver.ChromeService(CHROMEDRIVER)) as browser:
+        yield browser
+
+
+@pytest.fixture
+def address(watched_player):
+    """Serve a run with hostile names."""
+    names = tuple(f"{name}{HOSTILE}" for name in watched_player.action_names)
+    player = replace(watched_player, world=replace(watched_player.world, actions=names))
+    with contextlib.closing(WatchSession(player, f"run {HOSTILE}")) as session, socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        port = listening.getsockname()[1]
+        app = serving.make_app(Driver(session), token="t0ken", port=port)
+        server = uvicorn.Server(uvicorn.Config(app, log_level="error", timeout_graceful_shutdown=1))
+        thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{port}/t0ken/"
+        finally:
+            server.should_exit = True
+            thread.join(SECONDS)
+
+
+def test_a_person_uses_the_page(browser, address):
+    def wait(condition):
+        return waiting.WebDriverWait(browser, SECONDS, poll_frequency=0.05).until(lambda _: condition())
+
+    def text(name):
+        return browser.find_element(ID, name).text
+
+    def click(name):
+        browser.find_element(ID, name).click()
+
+    def decision():
+        return int(text("decision").split()[0].replace("–", "-1"))
+
+    browser.get(address)
+    wait(lambda: decision() > 3)  # it plays by itself
+    click("play")
+    wait(lambda: text("play") == "Play")
+    time.sleep(0.3)
+    stood = decision()
+    click("back")
+    wait(lambda: decision() == stood - 1 and text("moment-says") == "1 back")
+    click("step")
+    wait(lambda: decision() == stood and text("moment-says") == "newest")
+    browser.find_element(TAG, "body").send_keys(".")
+    wait(lambda: decision() == stood + 1)
+
+    for name in ("run", "action", "values", "keys"):
+        assert "<img src=x" in browser.find_element(ID, name).get_attribute("textContent"), "names are shown as text"
+    assert not browser.find_elements(TAG, "img") and browser.title != "taken"
+    assert len(browser.find_elements(CSS, "#facts tr")) > 2
+    assert browser.find_elements(CSS, "#rules li") and text("reason")
+    assert (
+        browser.execute_script(
+            "const pixels = document.getElementById('screen').getContext('2d').getImageData(0, 0, 400, 300).data;"
+            "return new Set(new Uint32Array(pixels.buffer)).size"
+        )
+        > 2
+    ), "a game is drawn"
+
+    unnamed = browser.execute_script(
+        "return [...document.querySelectorAll('button, input, select, a, canvas')].filter((e) =>"
+        "!(e.getAttribute('aria-label') || e.textContent.trim() || e.labels?.length)).map((e) => e.outerHTML)"
+    )
+    assert not unnamed, "everything that can be used has a name"
+
+    click("person")
+    wait(lambda: browser.find_element(ID, "keys").is_displayed())
+    click("step")
+    wait(lambda: text("by") in ("person", "agent"))
+
+    browser.execute_cdp_cmd(
+        "Emulation.setDeviceMetricsOverride", {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
+    )
+    wait(lambda: browser.execute_script("return innerWidth") == 390)
+    assert browser.execute_script("return document.documentElement.scrollWidth") <= 390, "nothing sticks out of a phone"
+    complaints = [entry["message"] for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
+    assert not complaints, "no error, and nothing that the content policy had to refuse"
