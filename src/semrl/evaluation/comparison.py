@@ -85,43 +85,31 @@ class Parting:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Comparison:
-    """Two runs compared.
-
-    Attributes
-    ----------
-    runs, models, decisions
-        Which, and how long each was trained.
-    settings
-        Those that differ, by dotted name.
-    names, concepts
-        Of the numbers that each reasons about, and of the things that it knows.
-    rules, maps, scores
-        See their classes; maps are None unless both have one.
-    policy, seed, watched
-        Who decided in the game that the first played while the second looked on, its seed, and its decisions.
-    agreed
-        Share of these in which both would do the same.
-    partings
-        The first decisions at which they part; up to the first of them each would have played the same game alone.
-    no_game
-        Why they could not watch the same one; empty when they did.
-    """
+    """Two runs compared."""
 
     runs: tuple[str, str]
     models: tuple[str, str]
     decisions: tuple[int, int]
+    """Which, and how long each was trained."""
     settings: Mapping[str, tuple[Any, Any]]
+    """Those that differ, by dotted name."""
     names: Words
     concepts: Words
+    """Of the numbers that each reasons about, and of the things that it knows."""
     rules: RuleComparison
     maps: MapComparison | None
     scores: tuple[Score, ...]
+    """See their classes; maps are None unless both have one."""
     policy: str
     seed: int | None
     watched: int
+    """Who decided in the game that the first played while the second looked on, its seed, and its decisions."""
     agreed: float | None
+    """Share of these in which both would do the same."""
     partings: tuple[Parting, ...]
+    """The first decisions at which they part; up to the first of them each would have played the same game alone."""
     no_game: str
+    """Why they could not watch the same one; empty when they did."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return it without pictures, as JSON has it."""

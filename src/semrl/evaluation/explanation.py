@@ -103,58 +103,44 @@ class Rollout:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Explanation:
-    """One decision of an evaluation episode, and why it was taken.
-
-    Attributes
-    ----------
-    run, model, env, trained_decisions
-        Who played what, and how long it had learned.
-    policy, seed, episode, step
-        Which decision it is.
-    exploration
-        Probability with which evaluation acts at random.
-    return_so_far
-        Return before the decision.
-    frame, sight
-        What was shown, and what perception made of it.
-    features
-        Names and values of the state's numbers, where they have names, as the rules tell them: percent of the image, or
-        the emulator's pixels.
-    place, path, cutoff
-        Where on the map, the way to the nearest gain with the rewarding edge last, and the highest cost of one.
-    scenarios, n_scenarios, n_imagined, reason
-        The best, of equal ones the first, how many were compared, how many were imagined before some models chose among
-        them, and why the first one is the first.
-    otherwise
-        For each action that the first does not begin with: the best that was found when only it could begin.
-    plan_features, choice, rollout
-        What the agent was told, what was done, what came.
-    """
+    """One decision of an evaluation episode, and why it was taken."""
 
     run: str
     model: str
     env: str
     trained_decisions: int
+    """Who played what, and how long it had learned."""
     policy: str
     seed: int
     episode: int
     step: int
+    """Which decision it is."""
     exploration: float
+    """Probability with which evaluation acts at random."""
     return_so_far: float
+    """Return before the decision."""
     frame: Frame
     sight: Sight
+    """What was shown, and what perception made of it."""
     features: Mapping[str, float]
+    """Names and values of the state's numbers, where they have names, as the rules tell them: percent of the image, or
+    the emulator's pixels."""
     place: MapLocation
     path: tuple[PathEdge, ...]
     cutoff: float
+    """Where on the map, the way to the nearest gain with the rewarding edge last, and the highest cost of one."""
     scenarios: tuple[ImaginedScenario, ...]
     n_scenarios: int
     n_imagined: int
     reason: str
+    """The best, of equal ones the first, how many were compared, how many were imagined before some models chose among
+    them, and why the first one is the first."""
     otherwise: tuple[ImaginedScenario, ...]
+    """For each action that the first does not begin with: the best that was found when only it could begin."""
     plan_features: tuple[PlanFeature, ...]
     choice: ActionChoice
     rollout: Rollout
+    """What the agent was told, what was done, what came."""
 
     def to_json(self) -> dict[str, Any]:
         """Return everything but the frame, of what JSON knows; objects by box and class, joined ones by position."""

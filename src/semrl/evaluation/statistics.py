@@ -36,22 +36,15 @@ def interquartile_mean(runs: Sequence[Floats]) -> tuple[float, float | None, flo
 
 @dataclass(frozen=True, kw_only=True)
 class Profile:
-    """Which share of runs scores more than a threshold.
-
-    Attributes
-    ----------
-    thresholds
-        ``(n,)``, rising.
-    share
-        ``(n,)``, falling from 1 to 0.
-    low, high
-        ``(n,)``, ends of its pointwise 95 % interval.
-    """
+    """Which share of runs scores more than a threshold."""
 
     thresholds: Floats
+    """``(n,)``, rising."""
     share: Floats
+    """``(n,)``, falling from 1 to 0."""
     low: Floats
     high: Floats
+    """``(n,)``, ends of its pointwise 95 % interval."""
 
 
 def performance_profile(games: Sequence[Floats], thresholds: Floats) -> Profile:

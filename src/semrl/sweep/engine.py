@@ -23,21 +23,14 @@ LOSSES = 5
 
 @dataclass(frozen=True, kw_only=True)
 class Ended:
-    """How a pool's work on a task ended.
-
-    Attributes
-    ----------
-    task
-        Which.
-    problem
-        What went wrong; None when it is done.
-    lost
-        Whether its worker or machine is gone, so that another one can go on.
-    """
+    """How a pool's work on a task ended."""
 
     task: Task
+    """Which."""
     problem: str | None
+    """What went wrong; None when it is done."""
     lost: bool = False
+    """Whether its worker or machine is gone, so that another one can go on."""
 
 
 class Pool(Protocol):

@@ -11,34 +11,25 @@ TRAINING = "training"
 
 @dataclass(frozen=True, kw_only=True)
 class RunRow:
-    """A finished run, as a line of ``rows.jsonl``.
-
-    Attributes
-    ----------
-    id, model, game, variant, seed
-        Which.
-    decisions, episodes, seconds
-        Of its training.
-    worker
-        Who ended it, ``HOST:PID``.
-    returns
-        Of its last ten training episodes (``training``) and of each test (``agent``, ``planner``).
-    state, weights
-        Digests of what it has learned: equal for equal runs on one kind of machine.
-    """
+    """A finished run, as a line of ``rows.jsonl``."""
 
     id: str
     model: str
     game: str
     variant: str
     seed: int
+    """Which."""
     decisions: int
     episodes: int
     seconds: float
+    """Of its training."""
     worker: str
+    """Who ended it, ``HOST:PID``."""
     returns: Mapping[str, Sequence[float]]
+    """Of its last ten training episodes (``training``) and of each test (``agent``, ``planner``)."""
     state: str
     weights: str
+    """Digests of what it has learned: equal for equal runs on one kind of machine."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,18 +48,11 @@ class CellSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class Summary:
-    """All that a sweep came to.
-
-    Attributes
-    ----------
-    measure
-        Which returns are summed up: ``agent``, ``planner`` or ``training``.
-    cells
-        In the order of the file.
-    profiles
-        For each game, and for all of them together (``all games``) where the file has references: agent → profile.
-    """
+    """All that a sweep came to."""
 
     measure: str
+    """Which returns are summed up: ``agent``, ``planner`` or ``training``."""
     cells: tuple[CellSummary, ...]
+    """In the order of the file."""
     profiles: Mapping[str, Mapping[str, Profile]]
+    """For each game, and for all of them together (``all games``) where the file has references: agent → profile."""

@@ -16,24 +16,16 @@ from semrl.training.config import to_dict
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """A run to be trained and tested.
-
-    Attributes
-    ----------
-    id
-        What it is called.
-    run
-        Its folder, in storage that every worker reaches.
-    config
-        Of the run.
-    trials
-        How it is tested after training.
-    """
+    """A run to be trained and tested."""
 
     id: str
+    """What it is called."""
     run: Path
+    """Its folder, in storage that every worker reaches."""
     config: RunConfig
+    """Of the run."""
     trials: tuple[Trial, ...] = ()
+    """How it is tested after training."""
 
     def work(self) -> None:
         """Train to the end of the budget, from the newest checkpoint where there is one, and hold the trials.

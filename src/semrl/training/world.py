@@ -14,30 +14,20 @@ from semrl.envs.environment import max_frames, sticky_actions
 
 @dataclass(frozen=True, kw_only=True)
 class World:
-    """What was really played: an id has defaults of its own.
-
-    Attributes
-    ----------
-    actions
-        Names of the actions, by number.
-    rom
-        Name of an Atari game's ROM; None for other environments.
-    frame_skip
-        Frames for which an action is held.
-    max_frames
-        Of these, so many at the end are shown by their pixel-wise maximum.
-    sticky_actions
-        Probability that a frame repeats the previous action.
-    repeats
-        Whether it plays alike from a seed and actions, so that the run can be resumed.
-    """
+    """What was really played: an id has defaults of its own."""
 
     actions: tuple[str, ...]
+    """Names of the actions, by number."""
     rom: str | None
+    """Name of an Atari game's ROM; None for other environments."""
     frame_skip: int
+    """Frames for which an action is held."""
     max_frames: int
+    """Of these, so many at the end are shown by their pixel-wise maximum."""
     sticky_actions: float
+    """Probability that a frame repeats the previous action."""
     repeats: bool = True
+    """Whether it plays alike from a seed and actions, so that the run can be resumed."""
 
     @classmethod
     def of(cls, env: Env, config: EnvironmentConfig) -> Self:
