@@ -185,7 +185,8 @@ def answer(estimator, batch):
 def parts(value):
     """The arrays of an input or an answer."""
     if dataclasses.is_dataclass(value):
-        return {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
+        fields = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
+        return {name: part for name, part in fields.items() if isinstance(part, np.ndarray)}
     return {"": value}
 
 

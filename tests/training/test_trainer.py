@@ -260,7 +260,7 @@ def test_the_planner_controls_some_episodes_and_advises_in_all():
 
 def test_a_world_model_may_learn_from_a_reward_at_once():
     trainer, told = new_trainer("objects", decisions=200, planning=True, stored=60), []
-    trainer.planning.update_online = lambda facts: told.append((trainer.decisions_, facts.copy()))
+    trainer.planning.update_online = lambda facts, _things: told.append((trainer.decisions_, facts.copy()))
     trainer.run()
     rewarded = np.flatnonzero(trainer.agent.replay.to_arrays()["rewards"])
     assert len(told) == len(rewarded) > 1

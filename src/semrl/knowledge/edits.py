@@ -9,6 +9,7 @@ from typing import Literal
 
 from semrl.core.errors import SemrlError, UsageError
 from semrl.core.files import write_text
+from semrl.core.strict_json import dumps
 from semrl.knowledge.condition import read_condition, tree_of
 from semrl.knowledge.consistency import contradiction
 from semrl.knowledge.expressions import Expression, Named
@@ -75,7 +76,7 @@ def write_log(run: Path, edits: Sequence[Edit]) -> None:
     """Write the edits of a run, whole or not at all."""
     if len(edits) > _MOST_EDITS:
         raise UsageError(f"{run / LOG} has {len(edits):,} edits; at most {_MOST_EDITS:,} are kept")
-    write_text(run / LOG, "".join(json.dumps(asdict(edit)) + "\n" for edit in edits))
+    write_text(run / LOG, "".join(dumps(asdict(edit)) + "\n" for edit in edits))
 
 
 def standing(edits: Sequence[Edit]) -> list[Edit]:
