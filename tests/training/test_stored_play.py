@@ -7,9 +7,10 @@ import pytest
 
 from semrl.core import State
 from semrl.core.arrays import digest
-from semrl.core.errors import SemrlError
+from semrl.core.errors import SemrlError, UsageError
 from semrl.envs import Game, make_env
 from semrl.perception.config import PerceptionConfig
+from semrl.perception.detection import DetectionConfig
 from semrl.perception.encoders import ENCODERS
 from semrl.perception.pretraining.schedule import PretrainingSchedule
 from semrl.perception.pretraining.stability import StabilityConfig
@@ -98,6 +99,17 @@ def test_play_without_anything_to_learn_from_is_told(played):
     detector.partial_fit(game.reset().frame)
     nothing = detector.detect(game.reset().frame)
     detector.detect = lambda _: dataclasses.replace(nothing, crops=nothing.crops[:0])
+    config = StabilityConfig(batches=20, max_batches=150, decisions=1)
+    schedule = PretrainingSchedule(encoder.stages(config), config)
+    schedule.learn(game.reset())
+    with pytest.raises(UsageError, match="the stage 'detection' of perception found no object"):
+        list(pretrain(game, schedule, episodes))
+
+
+def test_play_with_too_little_to_learn_from_is_told(played):
+    game, episodes, _ = played
+    encoder = ENCODERS.load("classes")(PerceptionConfig(otsu=DetectionConfig(threshold_frames=4)))
+    encoder.perception.reducer.partial_fit = lambda _: encoder.perception.reducer  # waits for more objects
     config = StabilityConfig(batches=20, max_batches=150, decisions=1)
     schedule = PretrainingSchedule(encoder.stages(config), config)
     schedule.learn(game.reset())

@@ -85,9 +85,14 @@ def tell(result: TrainResult, *, as_json: bool) -> None:
         "agent's episodes": result.episodes,
         "mean return, last 10": "no episode finished" if last is None else f"{last:.1f}",
         "took": f"{result.seconds / 60:.1f} minutes",
-        "next": f"semrl eval {run} --episodes 5",
+        **({"next": f"semrl eval {run} --episodes 5"} if _can_play(Path(result.run)) else {}),
         "and": f"semrl report {run}",
     })  # fmt: skip
+
+
+def _can_play(run: Path) -> bool:
+    """Whether perception was ready before the budget was spent."""
+    return not RunFolder.open(run).newest(prefix="perceiving").arrays["perceiving"]
 
 
 def _parse(argv: Sequence[str]) -> TrainArguments:

@@ -7,6 +7,7 @@ from typing import Any
 
 from semrl.core.errors import SemrlError
 from semrl.core.files import write_text
+from semrl.core.strict_json import dumps
 from semrl.report import wording
 from semrl.report.record import RunRecord, read_run
 from semrl.world_model.rules import Rule, sentence
@@ -65,7 +66,7 @@ def _head(record: RunRecord, scores: Mapping[str, Mapping[str, Any]]) -> str:
     values: dict[str, Any] = {"library_name": "semrl", "pipeline_tag": "reinforcement-learning", "tags": tags}
     if results:
         values["model-index"] = [{"name": f"{model}-{game.lower()}", "results": results}]
-    return "\n".join(["---", *(f"{name}: {json.dumps(value)}" for name, value in values.items()), "---", ""])
+    return "\n".join(["---", *(f"{name}: {dumps(value)}" for name, value in values.items()), "---", ""])
 
 
 def _body(record: RunRecord, scores: Mapping[str, Mapping[str, Any]], rules: Sequence[Rule]) -> str:

@@ -187,6 +187,13 @@ class _Session:
 
     def _finish(self) -> TrainResult:
         """Note the hashes of everything, then keep what play and planning need and drop the rest."""
+        if self.trainer.perceiving:
+            warnings.warn(
+                f"the budget of {self.trainer.decisions_:,} decisions ended in the stage '{self.trainer.phase}' of "
+                "perception, and the agent has learned nothing; try more --decisions",
+                SemrlWarning,
+                stacklevel=4,
+            )
         self._save()  # until the manifest says "finished", who goes on needs the whole state
         result = self._result()
         playable = self.trainer.inference_arrays()

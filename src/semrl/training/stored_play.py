@@ -62,8 +62,10 @@ def pretrain(game: Game, schedule: PretrainingSchedule, stored: Sequence[Played]
 
     Raises
     ------
+    UsageError
+        When a stage has found nothing in the play.
     SemrlError
-        When a stage would never be complete, since there is nothing in the play that it could learn from.
+        When a stage would never be complete, since there is too little in the play that it could learn from.
     """
     while (stage := schedule.current) is not None:
         for step in (step for episode in stored for step in play_again(game, Frames(), episode)):
@@ -72,6 +74,7 @@ def pretrain(game: Game, schedule: PretrainingSchedule, stored: Sequence[Played]
                 break
         else:
             if stage.batches_ >= max(stage.target, schedule.max_batches):
+                stage.require_found()
                 seen = sum(len(episode.actions) for episode in stored)
                 raise SemrlError(
                     f"the stage '{stage.name}' finds nothing to learn from in {seen:,} decisions; "

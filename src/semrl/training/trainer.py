@@ -96,13 +96,21 @@ class Trainer:
         return self.schedule.current.name if self.schedule.current else AGENT
 
     def run(self) -> None:
-        """Play until the budget is spent."""
+        """Play until the budget is spent.
+
+        Raises
+        ------
+        UsageError
+            When perception finds nothing.
+        """
         while self.decisions_ < self.decisions:
             for _ in self._perceive() if self.perceiving else self._act():
                 for observer in self.observers:
                     observer.on_decision(self)
                 if self.decisions_ >= self.decisions:
-                    return
+                    break
+        if self.schedule.current:
+            self.schedule.current.require_found()
 
     def to_arrays(self) -> Arrays:
         """Return the state of everything; `from_arrays` then goes on as if nothing had happened."""

@@ -39,6 +39,11 @@ class Scenery(Saved):
         """Class numbers of the kinds that stand still, ``(k,)`` int64, ascending; none that was never met."""
         return np.flatnonzero(self.is_still(np.arange(len(self._objects))))
 
+    @property
+    def moving_(self) -> Ints:
+        """Class numbers of the kinds that move, ``(k,)`` int64, ascending; none that was never met."""
+        return np.flatnonzero(~self.is_still(np.arange(len(self._objects))) & (self._objects > 0))
+
     def is_still(self, classes: Ints) -> NDArray[np.bool_]:
         """Say of each of ``(n,)`` classes whether it is of a kind that stands still."""
         still = self._moved < LEAST_MOVED_SHARE * self._objects  # false where none was met

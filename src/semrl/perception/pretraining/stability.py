@@ -25,7 +25,10 @@ def label_agreement(before: Rows, after: Rows) -> float:
 
     Balanced accuracy is the mean, over the old labels, of the share that kept its label.
     """
-    counts = confusion_matrix(before, after, labels=np.union1d(before, after))
+    labels = np.union1d(before, after)
+    if len(labels) == 1:
+        return 1.0
+    counts = confusion_matrix(before, after, labels=labels)
     totals = counts.sum(axis=1)
     present = totals > 0
     return float((np.diag(counts)[present] / totals[present]).mean())

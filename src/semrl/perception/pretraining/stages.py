@@ -6,8 +6,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from semrl.core import Observation, SceneGraph, Tracks
+from semrl.core import Objects, Observation, SceneGraph, Tracks
 from semrl.core.arrays import Arrays, arrays_to_ragged, nest, ragged_to_arrays, unnest
+from semrl.core.errors import UsageError
 from semrl.core.protocols import Persistent, Saved
 from semrl.perception.embedding import build_scene_graph
 from semrl.perception.embedding.protocol import OnlineEmbedder
@@ -18,6 +19,14 @@ from semrl.perception.pretraining.stability import (
     label_agreement,
     mean_absolute_difference,
 )
+
+LEAST_FRAMES = 100
+"""Frames that are looked at before it is said that there is nothing in them."""
+
+MOST_EMPTY_FRAMES = 2_000
+"""Frames in a row without any object, after which no more are waited for."""
+
+OTHERWISE = "or a model that sees frames as they are: --model baseline"
 
 
 class Stage(Saved, ABC):
@@ -38,7 +47,7 @@ class Stage(Saved, ABC):
     name: str
     unit = "frames"
     target = 0
-    SAVED = ("batches_",)
+    SAVED: tuple[str, ...] = ("batches_",)
 
     def __init__(self) -> None:
         self.batches_ = 0
@@ -47,9 +56,23 @@ class Stage(Saved, ABC):
         """Learn from one observation and the action that led there; return whether the stage is complete.
 
         Observations come in their order; at the beginning of an episode there is no action.
+
+        Raises
+        ------
+        UsageError
+            When it has found nothing that the next stage could go on with.
         """
         self.batches_ += 1
         return self._learn(observation, action)
+
+    def require_found(self) -> None:
+        """Check, before the stage is complete, that it has found something by now.
+
+        Raises
+        ------
+        UsageError
+            When it had enough to find it in.
+        """
 
     @abstractmethod
     def _learn(self, observation: Observation, action: int | None) -> bool: ...
@@ -84,20 +107,45 @@ class DetectorStage(Stage):
         self.target = self.detector.frames_needed
 
     def _learn(self, observation: Observation, _action: int | None) -> bool:
-        return self.detector.partial_fit(observation.frame).is_fitted
+        if not self.detector.partial_fit(observation.frame).is_fitted:
+            return False
+        if len(self.detector.detect(observation.frame)):
+            return True
+        if self.batches_ >= self.target + max(self.target, LEAST_FRAMES):
+            self.require_found()
+        return False
+
+    def require_found(self) -> None:
+        """Check that there was an object since it was learned what is none; see `Stage.require_found`."""
+        if self.detector.is_fitted:
+            raise _nothing(self, "no object", f"another --perception.detector, {OTHERWISE}")
 
 
 class _StableStage(Stage):
     """Train one estimator on the objects of each frame until its output is stable."""
 
     unit = "batches"
-    PARTS = ("test",)
+    SAVED, PARTS = ("batches_", "empty_"), ("test",)
 
     def __init__(self, perception: Perception, test: StabilityTest, max_batches: int) -> None:
         super().__init__()
         self.perception = perception
         self.test = test
         self.max_batches = max_batches
+        self.empty_ = 0  # frames without an object, up to the newest one
+
+    def require_found(self) -> None:
+        """Check that there were objects; see `Stage.require_found`."""
+        if self.empty_ == self.batches_ > 0 or self.empty_ >= MOST_EMPTY_FRAMES:
+            raise _nothing(self, "no object", f"another --perception.detector, {OTHERWISE}")
+
+    def _detected(self, observation: Observation) -> Objects:
+        """Return the objects of a frame; frames without any are no batches, and are not waited through for ever."""
+        objects = self.perception.detector.detect(observation.frame)
+        self.empty_ = 0 if len(objects) else self.empty_ + 1
+        if self.empty_ >= MOST_EMPTY_FRAMES:
+            self.require_found()
+        return objects
 
     def measured(self) -> dict[str, Any]:
         """Return the value of the stability test at the last batch, once there is one."""
@@ -119,7 +167,7 @@ class ReducerStage(_StableStage):
         super().__init__(perception, test, config.max_batches)
 
     def _learn(self, observation: Observation, _action: int | None) -> bool:
-        objects = self.perception.detector.detect(observation.frame)
+        objects = self._detected(observation)
         reducer = self.perception.reducer
         if len(objects):
             reducer.partial_fit(objects.features)
@@ -142,13 +190,16 @@ class ClustererStage(_StableStage):
         super().__init__(perception, test, config.max_batches)
 
     def _learn(self, observation: Observation, _action: int | None) -> bool:
-        objects = self.perception.detector.detect(observation.frame)
+        objects = self._detected(observation)
         stable = False
         if len(objects):
             reduced = self.perception.reducer.transform(objects.features)
             self.perception.clusterer.partial_fit(reduced)
             stable = self.test.update(reduced)
-        return stable or (self.perception.clusterer.is_fitted and self.batches_ >= self.max_batches)
+        done = stable or (self.perception.clusterer.is_fitted and self.batches_ >= self.max_batches)
+        if done and not self.perception.clusterer.n_clusters_:
+            raise _nothing(self, "no class of objects", f"another --perception.clusterer, {OTHERWISE}")
+        return done
 
     def measured(self) -> dict[str, Any]:
         """Return the number of clusters as well."""
@@ -167,8 +218,12 @@ class SceneryStage(Stage):
 
     def _learn(self, observation: Observation, _action: int | None) -> bool:
         objects = self.perception.detector.detect(observation.frame)
-        self.perception.scenery.partial_fit(self.perception.classes(objects), objects.centres_px)
-        return self.batches_ >= self.target
+        scenery = self.perception.scenery.partial_fit(self.perception.classes(objects), objects.centres_px)
+        done = self.batches_ >= self.target
+        if done and not len(scenery.moving_):
+            more = "more of them (--perception.scene.scenery-frames), --perception.scene.no-omit-scenery"
+            raise _nothing(self, "no kind of object that moves", f"{more}, {OTHERWISE}")
+        return done
 
 
 class SlotsStage(Stage):
@@ -185,9 +240,12 @@ class SlotsStage(Stage):
     def _learn(self, observation: Observation, action: int | None) -> bool:
         before = self.perception.begin() if action is None else self._tracks
         tracks = self.perception.track(before, observation.frame)
-        self.perception.slot_assigner.partial_fit(tracks, action)
+        assigner = self.perception.slot_assigner.partial_fit(tracks, action)
         self._tracks = self.perception.assign(tracks)
-        return self.perception.slot_assigner.is_fitted
+        if assigner.is_fitted and not len(assigner.slots_):
+            more = "more of them (--perception.slot-assigner.frames), another --environment.frame-skip"
+            raise _nothing(self, "nothing that moves", f"{more}, {OTHERWISE}")
+        return assigner.is_fitted
 
     def to_arrays(self) -> Arrays:
         """Return the tracks of the episode as well."""
@@ -197,6 +255,11 @@ class SlotsStage(Stage):
         """Go on where the stage was."""
         super().from_arrays(arrays)
         self._tracks = Tracks(**unnest(arrays, "tracks"))
+
+
+def _nothing(stage: Stage, what: str, advice: str) -> UsageError:
+    """Return what is to be raised where a stage found nothing: all that follows would see nothing either."""
+    return UsageError(f"the stage '{stage.name}' of perception found {what} in {stage.batches_:,} frames; try {advice}")
 
 
 class SceneSource(Persistent, Protocol):

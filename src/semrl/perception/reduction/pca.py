@@ -73,7 +73,8 @@ class ObjectPCA:
         rows = np.unique(np.asarray(X, dtype=np.float64), axis=0)
         self._waiting = rows if self._waiting is None else np.concatenate([self._waiting, rows])
         if len(self._waiting) >= self.config.components:
-            self._pca.partial_fit(self._waiting)
+            with np.errstate(invalid="ignore"):  # of objects that are all alike no component explains any share
+                self._pca.partial_fit(self._waiting)
             # Memory order decides the last bit of a product: keep the one that a restored estimator has.
             self._pca.components_ = np.ascontiguousarray(self._pca.components_)
             self._waiting = None
