@@ -1,10 +1,10 @@
 """Telling what two runs know and do differently, as lines and as a page."""
 
-import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from semrl.core.files import require_writable, write_text
+from semrl.core.strict_json import dumps
 from semrl.evaluation.comparison import Comparison, Decider, Interval, Score, Words
 from semrl.report.scenes import data_uri
 from semrl.report.telling import named
@@ -54,7 +54,7 @@ def sections(comparison: Comparison) -> Iterator[Section]:
     )
     yield (
         "Settings that differ",
-        [f"{name}: {json.dumps(a)} → {json.dumps(b)}" for name, (a, b) in c.settings.items()] or ["none"],
+        [f"{name}: {dumps(a)} → {dumps(b)}" for name, (a, b) in c.settings.items()] or ["none"],
     )
     yield "Numbers that each reasons about", _words(c.names)
     yield "Concepts", _words(c.concepts)

@@ -145,7 +145,7 @@ class RunFolder:
         """
         manifest = self.manifest()
         if "id" not in manifest:
-            learned = json.dumps(manifest.get("hashes", {}), sort_keys=True)
+            learned = dumps(manifest.get("hashes", {}), sort_keys=True)
             known = uuid.uuid5(uuid.NAMESPACE_OID, (self.path / "config.toml").read_text(encoding="utf-8") + learned)
             return f"urn:uuid:{known}#"
         try:

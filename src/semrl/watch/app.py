@@ -19,6 +19,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from semrl.core.errors import SemrlError
+from semrl.core.strict_json import dumps
 from semrl.report.explanation import render_explanation
 from semrl.watch.driver import Driver, Shown
 
@@ -236,7 +237,7 @@ class _Page:
             await self._complain(socket, str(error))
 
     async def _complain(self, socket: WebSocket, problem: str) -> None:
-        await socket.send_text(json.dumps({"type": "problem", "text": problem}))
+        await socket.send_text(dumps({"type": "problem", "text": problem}))
 
 
 def _named(name: str) -> dict[str, str]:
