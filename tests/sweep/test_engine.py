@@ -65,6 +65,7 @@ def test_a_run_whose_worker_is_killed_goes_on_and_ends_like_the_unbroken_one(tmp
     assert run_all(tasks, LocalPool(2), tmp_path, say=said.append)[0].status == "finished"
 
 
+@pytest.mark.slow
 def test_a_stopped_sweep_goes_on_and_ends_as_if_nothing_had_happened(tmp_path, configs, unbroken):
     said = []
 

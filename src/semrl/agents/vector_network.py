@@ -18,6 +18,8 @@ from semrl.agents.replay import Batch
 from semrl.agents.vector_kernels import activate, adam, loss_and_gradient, move_towards, pass_back, write_inputs
 from semrl.core import Floats
 
+_UNWARNED = np.errstate(over="ignore", invalid="ignore")  # of a loss that is no number the agent tells
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class _Layer:
@@ -66,6 +68,7 @@ class VectorNetwork:
         """Return the outputs, ``(b, n_values)``, for what `inputs` returned."""
         return self.forward(rows)[0]
 
+    @_UNWARNED
     def forward(self, rows: Floats) -> tuple[Floats, list[_Pass]]:
         """Return the outputs and what `backward` needs of the way there."""
         passes = []
@@ -78,6 +81,7 @@ class VectorNetwork:
         last = self._layers[-1]
         return rows @ last.weight.T + last.bias, passes
 
+    @_UNWARNED
     def backward(self, rows: Floats, passes: list[_Pass], back: Floats, count: int) -> list[Floats]:
         """Return the gradients of all weights, in the order of the module's parameters.
 
