@@ -103,7 +103,7 @@ def _grow(
         if column < 0:
             give_back(tallies[node], pool)
             continue
-        middle = begin + _part(mine, places[column], cut)
+        middle = begin + part(mine, places[column], cut)
         nodes[node] = column, size
         chosen[node] = cut
         spans[size], spans[size + 1] = (begin, middle), (middle, end)
@@ -149,7 +149,7 @@ def _moments(targets: NDArray[np.float64], times: Ints) -> tuple[float, float, f
 
 
 @compiled
-def _part(mine: Ints, places: NDArray[np.uint16], cut: int) -> int:
+def part(mine: Ints, places: NDArray[np.uint16], cut: int) -> int:
     """Sort rows in place, those up to the cut first, each side in its order; return how many these are."""
     right = np.empty(len(mine), np.int64)
     n_left = n_right = 0

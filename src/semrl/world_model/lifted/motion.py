@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from semrl.core import Floats, Ints
 from semrl.core.kernels import compiled
+from semrl.world_model.cart import part
 from semrl.world_model.tree_kernels import NODE
 
 ABSOLUTE = -2
@@ -78,7 +79,7 @@ def _grow(  # noqa: PLR0917 - compiled functions take no keywords
         if min(itself, change) > least_gain and len(mine) >= 2 * leaf_rows:
             column, cut = _best_cut(mine, places, widths, wanted, total, counted, leaf_rows, least_gain)
             if column >= 0:
-                middle = begin + _part(mine, places[column], cut)
+                middle = begin + part(mine, places[column], cut)
                 nodes[at, 0], nodes[at, 1], chosen[at] = column, size, cut
                 spans[size, 0], spans[size, 1] = begin, middle
                 spans[size + 1, 0], spans[size + 1, 1] = middle, end
@@ -152,19 +153,3 @@ def _best_cut(  # noqa: PLR0917
             if gain > best + 1e-9:
                 best, column, cut = gain, c, place
     return column, cut
-
-
-@compiled
-def _part(mine: Ints, bins: NDArray[np.uint16], cut: int) -> int:
-    """Put the rows up to the cut first, in place, each side in its order; return how many these are."""
-    right = np.empty(len(mine), np.int64)
-    n_left = n_right = 0
-    for row in mine:
-        if bins[row] <= cut:
-            mine[n_left] = row
-            n_left += 1
-        else:
-            right[n_right] = row
-            n_right += 1
-    mine[n_left:] = right[:n_right]
-    return n_left
