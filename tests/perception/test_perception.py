@@ -51,7 +51,7 @@ def test_no_objects_have_no_classes():
     [
         ({}, {"detector", "reducer", "clusterer", "scenery"}),
         ({"embedded": True}, {"detector", "reducer", "clusterer", "scenery"}),  # hashing has nothing to save
-        ({"tracked": True}, {"detector", "reducer", "clusterer", "slot_assigner"}),
+        ({"tracked": True}, {"detector", "reducer", "clusterer", "slot_assigner", "jumps"}),
     ],
 )
 def test_what_every_box_has_learned_is_saved(flags, boxes):

@@ -15,7 +15,7 @@ from semrl.core.protocols import Persistent
 from semrl.perception.config import CLUSTERERS, EMBEDDERS, REDUCERS, PerceptionConfig, make_detector
 from semrl.perception.embedding import Scenery, build_scene_graph
 from semrl.perception.embedding.protocol import Embedder
-from semrl.perception.tracking import SlotAssigner, follow, no_tracks
+from semrl.perception.tracking import Jumps, SlotAssigner, follow, no_tracks
 
 
 class Perception:
@@ -34,8 +34,8 @@ class Perception:
 
     Attributes
     ----------
-    detector, reducer, clusterer, scenery, slot_assigner
-        The boxes; scenery is of single frames, the slot assigner of tracked objects.
+    detector, reducer, clusterer, scenery, jumps, slot_assigner
+        The boxes; scenery is of single frames, jumps and the slot assigner of tracked objects.
     """
 
     def __init__(self, config: PerceptionConfig, *, tracked: bool = False, embedded: bool = False) -> None:
@@ -45,6 +45,7 @@ class Perception:
         self.reducer = REDUCERS.make(config.reducer, config)
         self.clusterer = CLUSTERERS.make(config.clusterer, config)
         self.scenery = Scenery()
+        self.jumps = Jumps(config.tracking.gate_px)
         self.slot_assigner = SlotAssigner(config.slot_assigner)
         self._embedder = EMBEDDERS.make(config.embedder, config) if embedded else None
         self._known = Memo(self._classify, self.detector.crop_size_px**2, np.int32)  # the bits of a crop → its class
@@ -76,7 +77,8 @@ class Perception:
         """Move the tracks of an episode on by one frame."""
         objects = self.detector.detect(frame)
         reduced = self.reducer.transform(objects.features)
-        return follow(tracks, objects, self.classes(objects), reduced, self.config.tracking)
+        classes = self.classes(objects)
+        return follow(tracks, objects, classes, reduced, self.config.tracking, self.jumps.reach_px_)
 
     def assign(self, tracks: Tracks) -> Tracks:
         """Give the tracks their roles."""
@@ -114,7 +116,8 @@ class Perception:
             "reducer": self.reducer,
             "clusterer": self.clusterer,
         }
-        boxes |= {"slot_assigner": self.slot_assigner} if self.tracked else {"scenery": self.scenery}
+        tracking = {"jumps": self.jumps, "slot_assigner": self.slot_assigner}
+        boxes |= tracking if self.tracked else {"scenery": self.scenery}
         return boxes | ({"embedder": self._embedder} if self._embedder else {})
 
     def _classify(self, crops: Ints) -> Ints:

@@ -176,7 +176,7 @@ class ReducerStage(_StableStage):
 
 
 class ClustererStage(_StableStage):
-    """Train the clusterer on all objects of each frame."""
+    """Train the clusterer on all objects of each frame; where these are to be followed, see how far they jump."""
 
     name = "clustering"
 
@@ -189,8 +189,10 @@ class ClustererStage(_StableStage):
         )
         super().__init__(perception, test, config.max_batches)
 
-    def _learn(self, observation: Observation, _action: int | None) -> bool:
+    def _learn(self, observation: Observation, action: int | None) -> bool:
         objects = self._detected(observation)
+        if self.perception.tracked:
+            self.perception.jumps.partial_fit(objects.centres_px, begins=action is None)
         stable = False
         if len(objects):
             reduced = self.perception.reducer.transform(objects.features)

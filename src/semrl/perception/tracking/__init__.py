@@ -1,6 +1,7 @@
 """Objects through time: which is which, where each goes, and which of them matter."""
 
 from semrl.perception.tracking.following import TrackingConfig, follow, no_tracks
+from semrl.perception.tracking.jumps import Jumps
 from semrl.perception.tracking.slots import AXES, SLOT_NUMBERS, SlotAssigner, SlotAssignerConfig
 
-__all__ = ["AXES", "SLOT_NUMBERS", "SlotAssigner", "SlotAssignerConfig", "TrackingConfig", "follow", "no_tracks"]
+__all__ = ["AXES", "SLOT_NUMBERS", "Jumps", "SlotAssigner", "SlotAssignerConfig", "TrackingConfig", "follow", "no_tracks"]

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from semrl.core import IMAGE_SIZE_PX, Floats, Ints, Objects, Tracks
@@ -18,7 +19,7 @@ class TrackingConfig:
     """Which object of a frame is which of the frame before."""
 
     gate_px: float = 10.0
-    """Farthest from where it is expected that an object is still the same."""
+    """Farthest from where it is expected that an object is still the same, where play shows no jumps."""
     class_cost: float = 0.5
     """What another class costs, against 1 for lying at the gate."""
     appearance_cost: float = 1.0
@@ -43,13 +44,16 @@ def no_tracks(n_features: int) -> Tracks:
     )  # fmt: skip
 
 
-def follow(tracks: Tracks, objects: Objects, classes: Ints, features: Floats, config: TrackingConfig) -> Tracks:
+def follow(
+    tracks: Tracks, objects: Objects, classes: Ints, features: Floats, config: TrackingConfig, reach_px: float = 0.0
+) -> Tracks:
     """Find the tracks again in the objects of the next frame.
 
     Every object goes to at most one track so that the sum of all costs is least (Hungarian assignment, as in
     Bewley et al., "Simple online and realtime tracking", ICIP 2016): the squared distance to where the track is
     expected, in gates, plus what another class and another appearance cost. A track without an object goes on as
-    it went, unseen, for a while; an object without a track begins one.
+    it went, unseen, for a while; an object without a track begins one. Where things jump, what is left over is
+    matched once more, within reach of a jump.
 
     Parameters
     ----------
@@ -63,14 +67,18 @@ def follow(tracks: Tracks, objects: Objects, classes: Ints, features: Floats, co
         ``(n, k)`` float32, their reduced appearance.
     config
         See `TrackingConfig`.
+    reach_px
+        How far things jump, as `Jumps` has learned; they do not where it is no farther than the gate.
     """
     before = State(*(getattr(tracks, name) for name in State._fields))
     edges = edges_of(objects.boxes_px) if objects.edges_px is None else objects.edges_px
     seen = Seen(classes, features, objects.centres_px, objects.boxes_px, edges)
-    costs = match_costs(before, seen, config.gate_px, config.class_cost, config.appearance_cost)
-    rows, columns = linear_sum_assignment(costs)
-    partners = np.full(len(tracks), -1, np.int64)
-    partners[rows] = np.where(costs[rows, columns] < NO_MATCH, columns, -1)
+    partners = _matched(match_costs(before, seen, config.gate_px, config.class_cost, config.appearance_cost))
+    if reach_px > config.gate_px:
+        costs = match_costs(before, seen, reach_px, config.class_cost, config.appearance_cost)
+        left, free = np.flatnonzero(partners < 0), np.setdiff1d(np.arange(len(classes)), partners)
+        found = _matched(costs[np.ix_(left, free)])
+        partners[left[found >= 0]] = free[found[found >= 0]]
     after = move_on(before, seen, partners, int(tracks.born), config.unseen_decisions, MOVED_PX, IMAGE_SIZE_PX - 1)
     born = max(int(tracks.born), int(after.ids[-1]) + 1) if len(after.ids) else int(tracks.born)
     return Tracks(**after._asdict(), born=np.array(born))
@@ -80,3 +88,11 @@ def edges_of(boxes_px: Ints) -> Floats:
     """Return left, top, right and bottom, ``(n, 4)`` float32, of boxes, top, left, height and width."""
     top, left, height, width = boxes_px.T
     return np.column_stack([left, top, left + width, top + height]).astype(np.float32)
+
+
+def _matched(costs: NDArray[np.float64]) -> Ints:
+    """Return the column of each row of ``(t, n)`` costs so that they cost least together, ``(t,)``; -1 for none."""
+    rows, columns = linear_sum_assignment(costs)
+    partners = np.full(len(costs), -1, np.int64)
+    partners[rows] = np.where(costs[rows, columns] < NO_MATCH, columns, -1)
+    return partners

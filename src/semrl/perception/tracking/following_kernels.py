@@ -132,8 +132,9 @@ def _find(  # noqa: PLR0917
     step = seen.centres_px[j] - before.centres_px[old]
     gap = before.time_since_update[old]
     # While it was not seen its place was moved on by its velocity: the whole way is both together.
-    after.velocities_px[i] = (step + before.velocities_px[old] * gap) / (gap + 1)
-    if gap == 0 and np.hypot(step[0], step[1]) > moved_px:
+    way = step + before.velocities_px[old] * gap
+    after.velocities_px[i] = way / (gap + 1)
+    if np.hypot(way[0], way[1]) > moved_px:
         after.moves[i] += 1
     after.time_since_update[i] = 0
     _show(after, i, seen, j)
