@@ -1,15 +1,17 @@
-"""What blinks in each Atari game, and over how many frames of a skip the maximum must go so that it is seen.
+"""What blinks in each Atari game, and what is left unseen of it as the preset shows the game.
 
     python benchmarks/flicker.py [--games asteroids pong] [--decisions 200] [--json]
 
 Random play with frame skip 4. A row a game: the share of lit pixels that blink and are not shown, for the maximum over
 the last 1, 2, 3 and 4 frames; the same of all pixels that are lit in the four frames, moving things among them; the
-trails that the maximum draws behind these; and what ``max_frames = 0`` chooses.
+trails that the maximum draws behind these; what ``max_frames = 0`` chooses from a short look of its own, frames and
+pooling; and what blinks and is not shown with that, in play that was not looked at.
 """
 
 import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from functools import partial
 
 import ale_py
 import gymnasium as gym
@@ -19,9 +21,11 @@ from rich.console import Console
 from rich.table import Table
 
 from semrl.envs import EnvironmentConfig, make_env
-from semrl.envs.flicker import Flicker, flicker, needed_frames, watch
+from semrl.envs.flicker import Flicker, Pooling, background_of, brightest, farthest, flicker, needed_frames, watch
 
 SKIP = 4
+LOOK_SEED = 0
+"""With which `make_env` looks."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +36,7 @@ class Arguments:
     """Names of ROMs [default: every game that Gymnasium knows]."""
     decisions: int = 200
     """Random decisions a game."""
-    seed: int = 0
+    seed: int = 1
     """Of play."""
     json: bool = False
     """Print one JSON object as the only line of standard output."""
@@ -45,6 +49,8 @@ class Row:
     game: str
     by_frames: tuple[Flicker, ...]
     chosen: int
+    pooling: Pooling
+    left: float
 
 
 def main(arguments: Arguments) -> None:
@@ -55,13 +61,14 @@ def main(arguments: Arguments) -> None:
         return
     table = Table(
         "game", "blinking, unseen: 1", "2", "3", "4", "all unshown: 1", "2", "3", "4", "trails: 2", "3", "4", "chosen",
-        box=None, padding=(0, 1, 0, 0),
+        "left", box=None, padding=(0, 1, 0, 0),
     )  # fmt: skip
     for row in measure(arguments):
         cells = [each.blinking for each in row.by_frames] + [each.unshown for each in row.by_frames]
         cells += [each.trails for each in row.by_frames[1:]]
-        table.add_row(row.game, *(f"{100 * cell:.1f}" for cell in cells), str(row.chosen))
-    Console(width=140).print(table)
+        shares = [f"{100 * cell:.1f}" for cell in cells]
+        table.add_row(row.game, *shares, f"{row.chosen} {row.pooling}", f"{100 * row.left:.2f}")
+    Console(width=160).print(table)
 
 
 def measure(arguments: Arguments) -> Iterator[Row]:
@@ -70,9 +77,15 @@ def measure(arguments: Arguments) -> Iterator[Row]:
     ids = {spec.kwargs["game"]: name for name, spec in gym.registry.items() if name.startswith("ALE/")}
     for game in arguments.games or sorted(ids):
         env = make_env(ids[game], EnvironmentConfig(sticky_actions=0.0))
-        measured = flicker(watch(env, SKIP, arguments.seed, arguments.decisions))
+        look = watch(env, SKIP, LOOK_SEED)
+        chosen, pooling = needed_frames(flicker(look))
+        play = watch(env, SKIP, arguments.seed, arguments.decisions)
         env.close()
-        yield Row(game=game, by_frames=measured, chosen=needed_frames(measured))
+        pool = brightest if pooling == "brightest" else partial(farthest, background=background_of(look))
+        yield Row(
+            game=game, by_frames=flicker(play), chosen=chosen, pooling=pooling,
+            left=flicker(play, pool)[chosen - 1].blinking,
+        )  # fmt: skip
 
 
 if __name__ == "__main__":

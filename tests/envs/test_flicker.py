@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from semrl.envs import EnvironmentConfig, make_env
-from semrl.envs.environment import blinking, max_frames
-from semrl.envs.flicker import flicker, needed_frames, watch
+from semrl.envs.environment import blinking, pooled_frames
+from semrl.envs.flicker import background_of, farthest, flicker, needed_frames, watch
 
 SKIP = 4
 
@@ -49,7 +49,7 @@ def every(n, phase=0):
 )
 def test_the_maximum_goes_over_as_many_frames_as_needed(draw, needed):
     measured = flicker(film(draw))
-    assert needed_frames(measured) == needed
+    assert needed_frames(measured) == (needed, "brightest")
     assert measured[needed - 1].blinking <= 0.01
 
 
@@ -67,10 +67,26 @@ def test_shares_of_a_thing_that_moves():
     np.testing.assert_allclose([m.trails for m in measured], [0, 1 / 7, 2 / 7, 3 / 7], atol=0.03)
 
 
-def test_dark_sprites_that_no_maximum_shows_are_left_alone():
+def test_dark_sprites_need_what_is_farthest_from_the_background():
     dark = 255 - film(every(4))
     measured = flicker(dark)
-    assert measured[0].blinking > 0.5 and needed_frames(measured) == 1
+    assert measured[0].blinking > 0.5 and needed_frames(measured) == (SKIP, "farthest")
+    background = background_of(dark)
+    pooled = flicker(dark, lambda frames: farthest(frames, background))
+    assert pooled[SKIP - 1].blinking == pooled[SKIP - 1].unshown == 0
+
+
+@pytest.mark.parametrize("stride", [1, 2, 3])
+@pytest.mark.parametrize("seed", range(3))
+def test_farthest_is_the_latest_frame_with_the_greatest_difference(stride, seed):
+    rng = np.random.default_rng(seed)
+    frames = list(rng.integers(0, 3, (3, 7, 8, 3), np.uint8) * 100)
+    small = rng.integers(0, 3, (7, 8, 3), np.uint8)[::stride, ::stride] * 100
+    shown = farthest(frames, small)
+    for y, x in np.ndindex(7, 8):
+        distances = [int(np.abs(one[y, x] - small[y // stride, x // stride].astype(int)).sum()) for one in frames]
+        latest = max(i for i in range(3) if distances[i] == max(distances))
+        np.testing.assert_array_equal(shown[y, x], frames[latest][y, x])
 
 
 class Blinker(gym.Env):
@@ -100,16 +116,26 @@ class Steady(Blinker):
     period = 1
 
 
-@pytest.mark.parametrize(("world", "frames"), [(Blinker, 2), (Steady, 1)])
-def test_how_many_is_found_out_when_the_environment_is_made(world, frames):
+class Shadow(Blinker):
+    """What blinks is darker than the ground."""
+
+    def frame(self):
+        return 255 - super().frame()
+
+
+@pytest.mark.parametrize(
+    ("world", "frames", "pooling"), [(Blinker, 2, "brightest"), (Shadow, 4, "farthest"), (Steady, 1, "brightest")]
+)
+def test_how_many_is_found_out_when_the_environment_is_made(world, frames, pooling):
     automatic, last = EnvironmentConfig(max_frames=0), EnvironmentConfig()
     gym.register("Lamp-v0", world)
     try:
         for source in ("Lamp-v0", world()):
-            assert max_frames(make_env(source, automatic)) == frames
+            assert pooled_frames(make_env(source, automatic)) == (frames, pooling)
             assert blinking(make_env(source, automatic), SKIP) <= 0.02
-            assert (blinking(make_env(source, last), SKIP) > 0.5) == (frames == 2)
-        assert max_frames(make_env("Lamp-v0", EnvironmentConfig(max_frames=0, frame_skip=1))) == 1
+            assert (blinking(make_env(source, last), SKIP) > 0.5) == (frames > 1)
+        once = make_env("Lamp-v0", EnvironmentConfig(max_frames=0, frame_skip=1))
+        assert pooled_frames(once) == (1, "brightest")
     finally:
         del gym.registry["Lamp-v0"]
 
@@ -119,8 +145,19 @@ def test_how_many_is_found_out_when_the_environment_is_made(world, frames):
 )
 def test_games(env_id, frames):
     env = make_env(env_id, EnvironmentConfig(max_frames=0))
-    assert max_frames(env) == frames
+    assert pooled_frames(env) == (frames, "brightest")
     env.close()
+
+
+def test_a_shadow_is_seen_in_every_decision_and_repeats():
+    config = EnvironmentConfig(max_frames=SKIP, pooling="farthest")
+    first, second = make_env(Shadow(), config), make_env(Shadow(), config)
+    for env in (first, second):
+        env.reset(seed=0)
+    for _ in range(30):
+        one, other = first.step(0)[0], second.step(0)[0]
+        np.testing.assert_array_equal(one, other)
+        assert np.count_nonzero((one != 255).all(-1)) >= 16
 
 
 def test_pong_stays_what_it_was():

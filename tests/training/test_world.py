@@ -147,7 +147,7 @@ def test_conditions_tell_what_was_played(tiny, tmp_path, trained, asked, played)
     assert RunFolder.open(run).manifest()["environment"]["sticky_actions"] == (trained or 0.0)
     told = evaluate(run, episodes=1, sticky_actions=asked).conditions
     assert told["sticky_actions"] == played
-    assert (told["frame_skip"], told["max_frames"]) == (4, 1)
+    assert (told["frame_skip"], told["max_frames"], told["pooling"]) == (4, 1, "brightest")
     assert json.loads(json.dumps(told)) == told
 
 

@@ -3,16 +3,17 @@
 import contextlib
 from collections import deque
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, get_args
 
 import ale_py
 import gymnasium as gym
 import numpy as np
 from gymnasium.wrappers import StickyAction
+from numpy.typing import NDArray
 
 from semrl.core.errors import UsageError
 from semrl.envs.actions import NOOP, Env, action_meanings, choose_actions, discrete, title
-from semrl.envs.flicker import Flicker, flicker, needed_frames, watch
+from semrl.envs.flicker import Flicker, Pooling, background_of, brightest, farthest, flicker, needed_frames, watch
 from semrl.envs.making import find_spec, is_atari, make_seen
 from semrl.envs.pictures import as_rgb
 from semrl.envs.variants import names_of, varied
@@ -29,8 +30,11 @@ class EnvironmentConfig:
     sticky_actions: float | None = None
     """Probability that a frame repeats the previous action (Machado et al. 2018); None: as the id says."""
     max_frames: int = 1
-    """Show the pixel-wise maximum over the last so many frames of a skip, for sprites that blink; 1: the last frame
-    (§3.2.1); 0: as many as it takes, found out by random play when the environment is made."""
+    """Show what `pooling` makes of the last so many frames of a skip, for sprites that blink; 1: the last frame
+    (§3.2.1); 0: as many as it takes, pooled as it takes, found out by random play when the environment is made."""
+    pooling: Pooling = "brightest"
+    """What of these frames is shown at each pixel: the brightest (Mnih et al. 2015), or what is farthest from the
+    background that random play shows, for sprites that are darker than it."""
     max_noops: int = 0
     """At most so many random no-op decisions at the start of an episode, in games that have an action for it."""
     variant: str = ""
@@ -43,16 +47,26 @@ class EnvironmentConfig:
             raise UsageError(f"sticky_actions must lie between 0 and 1, not {self.sticky_actions}")
         if self.max_frames < 0:
             raise UsageError(f"max_frames must be 0 or more, not {self.max_frames}")
+        if self.pooling not in get_args(Pooling):
+            raise UsageError(f"pooling must be one of {', '.join(get_args(Pooling))}, not {self.pooling!r}")
         if self.max_noops < 0:
             raise UsageError(f"max_noops must be 0 or more, not {self.max_noops}")
         names_of(self.variant)
 
 
-_WATCHED: dict[tuple[str, str, str, int] | None, tuple[Flicker, ...]] = {}
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Watched:
+    """What random play shows: how much blinks by frames that are pooled, and the background."""
+
+    by_frames: tuple[Flicker, ...]
+    background: NDArray[np.uint8]
+
+
+_WATCHED: dict[tuple[str, str, str, int] | None, _Watched] = {}
 
 
 class FrameSkip(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs):
-    """Hold each action for a number of frames and sum the rewards; show the brightest of the last few frames.
+    """Hold each action for a number of frames and sum the rewards; show what is pooled of the last few frames.
 
     Parameters
     ----------
@@ -61,12 +75,16 @@ class FrameSkip(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs
     frames
         For which an action is held.
     max_frames
-        Of these, so many at the end are shown, by their pixel-wise maximum.
+        Of these, so many at the end are pooled.
+    pooling
+        How. For the farthest from the background, the environment is played at random first; reset it afterwards.
     """
 
-    def __init__(self, env: Env, frames: int, max_frames: int = 1) -> None:
-        gym.utils.RecordConstructorArgs.__init__(self, frames=frames, max_frames=max_frames)
+    def __init__(self, env: Env, frames: int, max_frames: int = 1, pooling: Pooling = "brightest") -> None:
+        gym.utils.RecordConstructorArgs.__init__(self, frames=frames, max_frames=max_frames, pooling=pooling)
         super().__init__(env)
+        self.background = _watched(env, frames).background if pooling == "farthest" else None
+        self.pooling = pooling
         self.frames = frames
         self.max_frames = max_frames
 
@@ -79,8 +97,12 @@ class FrameSkip(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs
             total += float(reward)
             if terminated or truncated:
                 break
-        shown = observation if len(last) == 1 else np.maximum.reduce(list(last))
-        return shown, total, terminated, truncated, info
+        return self._pooled(list(last)), total, terminated, truncated, info
+
+    def _pooled(self, last: list[Any]) -> Any:
+        if len(last) == 1:
+            return last[0]
+        return brightest(last) if self.background is None else farthest(last, self.background)
 
 
 class NoopStart(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs):
@@ -137,7 +159,8 @@ def make_env(
     # Silenced here, since an instance may be one of the emulator's, too.
     ale_py.ALEInterface.setLoggerMode(ale_py.LoggerMode.Error)
     if config.max_frames == 0:
-        config = replace(config, max_frames=_needed_frames(env, config))
+        needed, pooling = _needed_frames(env, config)
+        config = replace(config, max_frames=needed, pooling=pooling)
     if not isinstance(env, str):
         return _ready(env, config, skips=False)
     spec = find_spec(env)
@@ -151,19 +174,22 @@ def make_env(
         raise
 
 
-def max_frames(env: Env) -> int:
-    """Return over how many frames of a skip this environment shows the maximum."""
+def pooled_frames(env: Env) -> tuple[int, Pooling]:
+    """Return of how many frames of a skip this environment shows what is pooled, and how."""
     layer = env
     while isinstance(layer, gym.Wrapper):
         if isinstance(layer, FrameSkip):
-            return min(layer.max_frames, layer.frames)
+            return min(layer.max_frames, layer.frames), layer.pooling
         layer = layer.env
-    return 1
+    return 1, "brightest"
 
 
 def blinking(env: Env, skip: int) -> float:
     """Return the share of what is lit that blinks and is not shown; the environment is to be reset afterwards."""
-    return _watched(env, skip)[min(max_frames(env), skip) - 1].blinking if skip > 1 else 0.0
+    frames, pooling = pooled_frames(env)
+    if skip == 1 or (frames == skip and pooling == "farthest"):
+        return 0.0
+    return _watched(env, skip).by_frames[frames - 1].blinking
 
 
 def sticky_actions(env: Env) -> float:
@@ -178,17 +204,18 @@ def sticky_actions(env: Env) -> float:
     return round(float(layer.ale.getFloat("repeat_action_probability")), 6)  # the emulator keeps 32 bits
 
 
-def _needed_frames(env: str | Env, config: EnvironmentConfig) -> int:
-    """Return over how many frames of a skip the maximum must go, as random play shows."""
+def _needed_frames(env: str | Env, config: EnvironmentConfig) -> tuple[int, Pooling]:
+    """Return how many frames of a skip must be pooled, and how, as random play shows."""
     if config.frame_skip == 1:
-        return 1
+        return 1, "brightest"
     if not isinstance(env, str):
-        return needed_frames(_watched(_ready(env, replace(config, max_frames=1), skips=False), config.frame_skip))
+        plain = _ready(env, replace(config, max_frames=1), skips=False)
+        return needed_frames(_watched(plain, config.frame_skip).by_frames)
     with contextlib.closing(make_env(env, EnvironmentConfig(frame_skip=config.frame_skip))) as made:
-        return needed_frames(_watched(made, config.frame_skip))
+        return needed_frames(_watched(made, config.frame_skip).by_frames)
 
 
-def _watched(env: Env, skip: int) -> tuple[Flicker, ...]:
+def _watched(env: Env, skip: int) -> _Watched:
     """Look at every frame of random play; in a process, once for an id."""
     spec = env.spec
     key = (spec.id, repr(spec.entry_point), repr(spec.kwargs.get("game")), skip) if spec else None
@@ -197,7 +224,8 @@ def _watched(env: Env, skip: int) -> tuple[Flicker, ...]:
     layer = env
     while not isinstance(layer, FrameSkip) and isinstance(layer, gym.Wrapper):
         layer = layer.env
-    measured = flicker(watch(layer.env if isinstance(layer, FrameSkip) else env, skip, seed=0))
+    frames = watch(layer.env if isinstance(layer, FrameSkip) else env, skip, seed=0)
+    measured = _Watched(by_frames=flicker(frames), background=background_of(frames))
     if key:
         _WATCHED[key] = measured
     return measured
@@ -220,7 +248,7 @@ def _ready(env: Env, config: EnvironmentConfig, *, skips: bool) -> Env:
             raise UsageError(f"{title(env)} has sticky actions of its own, {own:g}, which cannot be made {wanted:g}")
         env = StickyAction(env, wanted)
     if not skips and config.frame_skip > 1:
-        env = FrameSkip(env, config.frame_skip, config.max_frames)
+        env = FrameSkip(env, config.frame_skip, config.max_frames, config.pooling)
     env = discrete(env)
     if config.max_noops and NOOP in action_meanings(env):
         env = NoopStart(env, config.max_noops)

@@ -1,12 +1,14 @@
 """Sprites that blink: drawn in some of the frames of a skip only, they may be in none of those that are shown.
 
 The emulator's hardware draws few sprites a line, so games with more draw them in turns. The pixel-wise maximum over the
-last frames (Mnih et al. 2015) shows them all; where nothing blinks, it only draws trails behind what moves.
+last frames (Mnih et al. 2015) shows those that are brighter than what is behind them; what differs most from the
+background shows them all. Where nothing blinks, either only draws trails behind what moves.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
 import cv2
 import gymnasium as gym
@@ -15,11 +17,17 @@ from numpy.typing import NDArray
 
 from semrl.envs.actions import Env
 
+Pooling = Literal["brightest", "farthest"]
+"""What of several frames is shown at a pixel: the brightest, or what is farthest from the background."""
+
 DECISIONS = 60
 """Random decisions that are looked at."""
 
 BLINKING = 0.01
 """Share of what is lit that may blink unseen; more, and an environment is said to blink."""
+
+_SURELY = 0.6
+"""So much of that share is allowed where frames are chosen, since longer play may blink more."""
 
 STEP_PX = 3
 """What moves goes at most so far in one frame; what is no nearer to anything lit in the next frame has vanished."""
@@ -47,8 +55,16 @@ class Flicker:
     trails: float
 
 
-def flicker(frames: NDArray[np.uint8]) -> tuple[Flicker, ...]:
-    """Measure what is seen of all frames by the maximum over the last one, the last two, and so on, of each skip.
+def brightest(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """Return the pixel-wise maximum of frames."""
+    shown: NDArray[np.uint8] = np.maximum.reduce(list(frames))
+    return shown
+
+
+def flicker(
+    frames: NDArray[np.uint8], pool: Callable[[Sequence[NDArray[np.uint8]]], NDArray[np.uint8]] = brightest
+) -> tuple[Flicker, ...]:
+    """Measure what is seen of all frames by pooling the last one, the last two, and so on, of each skip.
 
     A pixel is lit where it differs from its most frequent colour.
 
@@ -56,30 +72,55 @@ def flicker(frames: NDArray[np.uint8]) -> tuple[Flicker, ...]:
     ----------
     frames
         ``(decisions, skip, h, w, 3)``, every frame of every decision, in order.
+    pool
+        What is shown of several frames, `brightest` or `farthest` from a background.
     """
-    n, skip = frames.shape[:2]
-    background = _most_frequent(frames[np.arange(n), np.arange(n) % skip])
+    skip = frames.shape[1]
+    background = background_of(frames)
     lit = [(one != background).any(axis=-1) for one in frames]
     counts = np.zeros((skip, 4), np.int64)
     for one, mask, later in zip(frames, lit, lit[1:], strict=False):
         gone, union = _gone(mask), mask.any(axis=0)
         back = gone & ~_things(gone, away_from=np.asarray(later.any(axis=0)))
         for number in range(1, skip + 1):
-            shown = (one[-number:].max(axis=0) != background).any(axis=-1)
+            shown = (pool(list(one[-number:])) != background).any(axis=-1)
             parts = union, union & ~shown, back & ~shown, shown & ~mask[-1] & ~gone
             counts[number - 1] += [np.count_nonzero(part) for part in parts]
     shares = counts[:, 1:] / np.maximum(counts[:, :1], 1)
     return tuple(Flicker(unshown=u, blinking=b, trails=t) for u, b, t in shares.tolist())
 
 
-def needed_frames(measured: Sequence[Flicker]) -> int:
-    """Return over how many frames of a skip the maximum must go so that what blinks is seen; 1 where nothing does."""
-    blinking = [each.blinking for each in measured]
-    if blinking[0] <= BLINKING:
-        return 1
-    enough = [number for number, share in enumerate(blinking, 1) if share <= BLINKING]
-    # Dark sprites on a bright ground do not come back by a maximum.
-    return enough[0] if enough else int(np.argmin(blinking)) + 1 if min(blinking) < blinking[0] / 2 else 1
+def background_of(frames: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the most frequent colour of each pixel, ``(h, w, 3)``, of ``(decisions, skip, h, w, 3)`` frames."""
+    n, skip = frames.shape[:2]
+    return _most_frequent(frames[np.arange(n), np.arange(n) % skip])
+
+
+def needed_frames(measured: Sequence[Flicker]) -> tuple[int, Pooling]:
+    """Return how many frames of a skip must be pooled so that what blinks is seen, and how; 1 where nothing does."""
+    for number, each in enumerate(measured, 1):
+        if each.blinking <= _SURELY * BLINKING:
+            return number, "brightest"
+    return len(measured), "farthest"
+
+
+def farthest(frames: Sequence[NDArray[np.uint8]], background: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return at each pixel what is farthest from the background in colour; of equal ones the latest.
+
+    Parameters
+    ----------
+    frames
+        ``(h, w, 3)`` each, in order.
+    background
+        ``(h, w, 3)``, or smaller where rows and columns were left out evenly.
+    """
+    height, width = frames[0].shape[:2]
+    stride = -(-height // background.shape[0])
+    behind = background.repeat(stride, axis=0)[:height].repeat(stride, axis=1)[:, :width].astype(np.int16)
+    latest = np.stack(frames[::-1])
+    choice = np.abs(latest - behind).sum(axis=-1).argmax(axis=0)
+    shown: NDArray[np.uint8] = np.take_along_axis(latest, choice[None, ..., None], axis=0)[0]
+    return shown
 
 
 def watch(env: Env, skip: int, seed: int, decisions: int = DECISIONS) -> NDArray[np.uint8]:

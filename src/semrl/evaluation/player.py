@@ -64,10 +64,9 @@ class Player:
         tested, environment = self.config.evaluation, self.config.environment
         sticky = environment.sticky_actions if tested.sticky_actions is None else tested.sticky_actions
         played = replace(
-            environment,
+            self.world.shown_alike(environment),
             max_noops=tested.max_noops,
             sticky_actions=sticky,
-            max_frames=self.world.max_frames,
             variant=self.variant,
         )
         return make_env(self.config.env, played)

@@ -139,6 +139,7 @@ def _conditions(player: Player, seed: int, world: World, games: Sequence["_Game"
     played: dict[str, Any] = {
         "frame_skip": world.frame_skip,
         "max_frames": world.max_frames,
+        "pooling": world.pooling,
         "sticky_actions": world.sticky_actions,
     }
     played |= {"variant": player.variant}

@@ -85,7 +85,7 @@ def train(path: str | Path, config: RunConfig | None = None, *, observers: Seque
     if noted and not noted.repeats:
         raise UsageError(f"{path} cannot be resumed: its environment does not repeat itself from seed and actions")
     config = config or RunFolder(path).config()
-    environment = replace(config.environment, max_frames=noted.max_frames) if noted else config.environment
+    environment = noted.shown_alike(config.environment) if noted else config.environment
     with limited_threads(config.threads), contextlib.closing(make_env(config.env, environment)) as env:
         trainer = build_trainer(config, env=env)  # what cannot work is told before anything is written
         world = noted or _looked_at(env, config)

@@ -9,7 +9,8 @@ import msgspec
 from semrl.core.errors import UsageError
 from semrl.envs import EnvironmentConfig, action_meanings, rom_name
 from semrl.envs.actions import Env
-from semrl.envs.environment import max_frames, sticky_actions
+from semrl.envs.environment import pooled_frames, sticky_actions
+from semrl.envs.flicker import Pooling
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +24,9 @@ class World:
     frame_skip: int
     """Frames for which an action is held."""
     max_frames: int
-    """Of these, so many at the end are shown by their pixel-wise maximum."""
+    """Of these, so many at the end are pooled into what is shown."""
+    pooling: Pooling = "brightest"
+    """What is shown of these at each pixel."""
     sticky_actions: float
     """Probability that a frame repeats the previous action."""
     repeats: bool = True
@@ -32,17 +35,23 @@ class World:
     @classmethod
     def of(cls, env: Env, config: EnvironmentConfig) -> Self:
         """Return what is to be noted of an environment that `make_env` made."""
+        frames, pooling = pooled_frames(env)
         return cls(
             actions=tuple(action_meanings(env)),
             rom=rom_name(env),
             frame_skip=config.frame_skip,
-            max_frames=max_frames(env),
+            max_frames=frames,
+            pooling=pooling,
             sticky_actions=sticky_actions(env),
         )
 
     def but(self, *, repeats: bool) -> Self:
         """Return the same, with what was found out about repeating."""
         return replace(self, repeats=repeats)
+
+    def shown_alike(self, config: EnvironmentConfig) -> EnvironmentConfig:
+        """Return how to play so that frames are pooled as they were, whatever random play would show now."""
+        return replace(config, max_frames=self.max_frames, pooling=self.pooling)
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as the manifest holds it."""

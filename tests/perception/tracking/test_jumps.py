@@ -90,9 +90,15 @@ def test_what_blinks_or_goes_its_way_does_not_jump(every):
 
 
 def test_too_few_jumps_are_chance():
-    assert learned([[(10, 10)], [(10, 60)]] * 5).reach_px_ == 0 < learned([[(10, 10)], [(10, 60)]] * 6).reach_px_
-    assert learned([[(10, 10)], [(10, 60)]] * 40, every=2).reach_px_ > 50
-    assert learned([[(10, 10)], [(10, 60)]] * 40, every=1).reach_px_ == 0  # episodes begin anew
+    assert learned([[(10, 10)], [(10, 35)]] * 5).reach_px_ == 0 < learned([[(10, 10)], [(10, 35)]] * 6).reach_px_
+    assert learned([[(10, 10)], [(10, 35)]] * 40, every=2).reach_px_ > 25
+    assert learned([[(10, 10)], [(10, 35)]] * 40, every=1).reach_px_ == 0  # episodes begin anew
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_one_that_begins_wherever_another_ends_does_not_jump(seed):
+    places = np.random.default_rng(seed).uniform(0, 83, (200, 1, 2))
+    assert learned(places).reach_px_ == 0
 
 
 def test_it_goes_on_where_it_was_and_older_runs_know_of_none():

@@ -4,4 +4,13 @@ from semrl.perception.tracking.following import TrackingConfig, follow, no_track
 from semrl.perception.tracking.jumps import Jumps
 from semrl.perception.tracking.slots import AXES, SLOT_NUMBERS, SlotAssigner, SlotAssignerConfig
 
-__all__ = ["AXES", "SLOT_NUMBERS", "Jumps", "SlotAssigner", "SlotAssignerConfig", "TrackingConfig", "follow", "no_tracks"]
+__all__ = [
+    "AXES",
+    "SLOT_NUMBERS",
+    "Jumps",
+    "SlotAssigner",
+    "SlotAssignerConfig",
+    "TrackingConfig",
+    "follow",
+    "no_tracks",
+]

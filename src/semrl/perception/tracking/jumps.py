@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
-from semrl.core import Floats
+from semrl.core import IMAGE_SIZE_PX, Floats
 from semrl.core.arrays import Arrays
 from semrl.core.protocols import Saved
 
@@ -18,6 +18,9 @@ LEAST_EVEN_SHARE = 0.5
 """Of the decisions at which anything leaves or comes, share at which as many come as leave if these are jumps.
 
 If things left and came by chance, each at a rate of its own, it would be 0.2 at most, whatever the rates."""
+
+LONGEST_PX = IMAGE_SIZE_PX / 3
+"""Jumps are no longer than this, in the middle; places that have nothing to do with each other are half a side apart."""
 
 COVERED = 0.95
 """Share of the jumps that are within reach; the farthest may be something else."""
@@ -30,7 +33,7 @@ class Jumps(Saved):
 
     On a grid, or where many frames are skipped, a thing goes farther in one decision than things are apart, and no
     gate that is right elsewhere would do. What jumps is one thing before and after: as many come as leave, at the same
-    decision. What ends and begins does so at decisions of its own.
+    decision. What ends and begins does so at decisions of its own, or far away.
 
     Parameters
     ----------
@@ -85,6 +88,7 @@ class Jumps(Saved):
 
     def _restored(self) -> None:
         jumps = self._even >= max(LEAST_JUMPS, LEAST_EVEN_SHARE * self._events)
+        jumps = jumps and bool(np.median(self._farthest) <= LONGEST_PX)
         self.reach_px_ = _SLACK * float(np.quantile(self._farthest, COVERED)) if jumps else 0.0
 
 
