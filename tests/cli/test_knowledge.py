@@ -25,7 +25,7 @@ def classes(call, run):
 
 
 def test_edits_are_kept_and_taken_back(run, call):
-    assert classes(call, run) == {}
+    before = classes(call, run)
     assert call("knowledge", run, "add", "Upper", "thing.y < 40", "--forbid").status == 0
     assert call("knowledge", run, "add", "Both", "Upper and count(thing) > 1").status == 0
     found = classes(call, run)
@@ -35,9 +35,20 @@ def test_edits_are_kept_and_taken_back(run, call):
     assert not classes(call, run)["Upper"]["enabled"]
     for _ in range(3):
         assert call("knowledge", run, "undo").status == 0
-    assert classes(call, run) == {}
+    assert classes(call, run) == before
     assert "no edit" in call("knowledge", run, "undo").message
     assert len((run / "knowledge.jsonl").read_text().splitlines()) == 6
+
+
+def test_classes_that_play_teaches_are_listed_and_can_be_used(run, call):
+    learned = {name: one for name, one in classes(call, run).items() if one["origin"] == "learned"}
+    assert learned and set(learned) <= {"Danger", "Chance"}
+    assert all(one["support"] > 0 and 0 <= one["error"] < 0.5 for one in learned.values())
+    name = next(iter(learned))
+    assert f"{name} (learned): {learned[name]['condition']}" in call("knowledge", run).out
+    assert call("knowledge", run, "add", "Both", f"{name} and count(thing) > 1").status == 0
+    assert call("knowledge", run, "disable", name).status == 0
+    assert not classes(call, run)[name]["enabled"]
 
 
 @pytest.mark.parametrize(

@@ -119,5 +119,6 @@ def _list(known: RunKnowledge) -> None:
     lines.append("classes" if told["classes"] else "no classes are defined yet")
     for one in told["classes"]:
         marks = [*(["forbidden"] if one["forbidden"] else []), *([] if one["enabled"] else ["disabled"])]
-        lines.append(f"  {one['name']} ({', '.join([one['origin'], *marks])}): {one['condition']}")
+        play = f"  ({one['support']:,} decisions, error {one['error']:.1%})" if one["support"] else ""
+        lines.append(f"  {one['name']} ({', '.join([one['origin'], *marks])}): {one['condition']}{play}")
     console.print("\n".join(lines), soft_wrap=True, markup=False, highlight=False)

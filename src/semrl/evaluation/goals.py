@@ -164,7 +164,7 @@ def play_for_goal(
     """
     if trials < 1 or max_decisions < 1 or (seed is not None and seed < 0):
         raise UsageError("trials and decisions must be 1 or more, and seed 0 or more")
-    player = load_player(run, adapt=_asking_all)
+    player = load_player(run, memory=True, adapt=_asking_all)
     planning = player.require_predictions(run)
     words = words_of_run(player, run)
     words = replace(words, words=knowledge_of(words, run).words)

@@ -71,7 +71,7 @@ def load_knowledge(run: str | Path) -> RunKnowledge:
     UsageError
         When there is no such run, it cannot predict, or its edits do not go with what it has learned.
     """
-    player = load_player(run)
+    player = load_player(run, memory=True)
     learned, edits = words_of_run(player, run).words, read_log(Path(run))
     return RunKnowledge(
         run=Path(run),

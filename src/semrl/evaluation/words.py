@@ -6,15 +6,20 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from semrl.core import Ints, MapGraph, Sight
+from semrl.core import Ints, MapGraph, Sight, Trajectory
 from semrl.core.errors import UsageError
 from semrl.evaluation.player import Player
 from semrl.knowledge.edits import Edited, edited, read_log
 from semrl.knowledge.ontology import Ontology
+from semrl.knowledge.scene_classes import SceneClassesConfig, learn_scene_classes
 from semrl.knowledge.slots import NUMBERS, SlotReader, kinds_of, slots_of, words_of
 from semrl.planning.module import PlanningModule
+from semrl.world_model.protocol import Remembering, WorldModel
 
 _SIDE_PX = 84
+_MOST_DECISIONS = 20_000
+"""From which classes of scenes are learned, the newest ones."""
+
 _RARE = 0.002
 """Share of the states at either end that bounds of a number leave out."""
 
@@ -40,6 +45,8 @@ class RunWords:
 
 def words_of_run(player: Player, run: str | Path) -> RunWords:
     """Return the words of a run with a map.
+
+    Classes of scenes are learned from what its world model remembers: see `load_player` with `memory`.
 
     Raises
     ------
@@ -69,7 +76,23 @@ def words_of_run(player: Player, run: str | Path) -> RunWords:
         for key in ((kind, list(NUMBERS)[axis]) for kind in kinds[place]):
             below, above = ranges.get(key, (first, last))
             ranges[key] = min(below, first), max(above, last)
-    return RunWords(words=replace(words, ranges=ranges), reader=reader)
+    return _with_learned_classes(RunWords(words=replace(words, ranges=ranges), reader=reader), planning.world_model)
+
+
+def _with_learned_classes(run: RunWords, world_model: WorldModel) -> RunWords:
+    """Return the words and the classes of scenes that the play teaches, where a player has its memory."""
+    episodes = list(world_model.experience.episodes()) if isinstance(world_model, Remembering) else []
+    recent: list[Trajectory] = []
+    while episodes and sum(map(len, recent)) < _MOST_DECISIONS:
+        recent.insert(0, episodes.pop())
+    decisions = [episode.transitions for episode in recent if len(episode)]
+    if not decisions:
+        return run
+    scenes = run.reader.read(
+        np.concatenate([own.states for own in decisions]), np.concatenate([own.previous for own in decisions])
+    )
+    learned = learn_scene_classes(run.words, scenes, [own.rewards for own in decisions], SceneClassesConfig())
+    return replace(run, words=run.words.having(**learned))
 
 
 def _bounds(values: NDArray[np.float64], counts: Ints) -> tuple[float, float]:

@@ -75,7 +75,7 @@ def _conjunction(parts: tuple[Expression, ...], words: Ontology, sort: Sort) -> 
 
 
 def _of_a_thing(role: str, filler: Expression, words: Ontology) -> str:
-    """Write ``own.y <= 33.0`` where that is all that is said, else nothing."""
+    """Write ``own.y <= 33.0`` or ``near(own, ball)`` where that is all that is said, else nothing."""
     if role != CONTAINS:
         return ""
     match filler:
@@ -83,6 +83,10 @@ def _of_a_thing(role: str, filler: Expression, words: Ontology) -> str:
             return name
         case And((Named(name), Facet(number, comparison, bound))) if words.sort(name) == "thing":
             return f"{name}.{number} {comparison} {bound!r}"
+        case And((Named(name), Some(to, Named(other)))) if {words.sort(name), words.sort(other)} == {"thing"}:
+            return "" if to == CONTAINS else f"{to}({name}, {other})"
+        case And((Named(name), HasValue(to, other))) if words.sort(name) == "thing" and other in words.individuals:
+            return f"{to}({name}, {other})"
     return ""
 
 

@@ -1,5 +1,7 @@
 """What the lower line remembers: the episode that is going on, and past ones."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -130,6 +132,16 @@ class Experience:
             first = ends[fitting[0] if len(fitting) else np.flatnonzero(surplus)[-1]] + 1
             self._states, self._actions = self._states[first:], self._actions[first:]
             self._rewards = self._rewards[first:]
+
+    def episodes(self) -> Iterator[Trajectory]:
+        """Yield what is remembered, episode by episode, the oldest first."""
+        begin = 0
+        for end in np.flatnonzero(self._actions == _END).tolist():
+            own = slice(begin, end)
+            yield Trajectory(
+                states=self._states[begin : end + 1], actions=self._actions[own], rewards=self._rewards[own]
+            )
+            begin = end + 1
 
     def draw(self, rng: np.random.Generator, count: int, reward_share: float = 0.0) -> Transitions:
         """Draw decisions with replacement, uniformly but for a share of such as led to a reward soon."""

@@ -6,6 +6,7 @@ from typing import Protocol, Self, runtime_checkable
 from semrl.concepts import Concepts
 from semrl.core import Floats, History, Ints, Scenarios, Trajectory, Transitions
 from semrl.core.protocols import Learner, Persistent
+from semrl.world_model.experience import Experience
 from semrl.world_model.rules import Rule, RuleBook
 
 
@@ -55,6 +56,16 @@ class WorldModel(Learner, Protocol):
 
     def imagine(self, history: History, sequences: Ints) -> Scenarios:
         """Predict what ``(s, t)`` sequences of actions lead to; fewer may come back, those that promise most."""
+        ...
+
+
+@runtime_checkable
+class Remembering(Protocol):
+    """A world model that remembers the facts of the play that it has learned from."""
+
+    @property
+    def experience(self) -> Experience:
+        """What it remembers; nothing where only what plans need was loaded."""
         ...
 
 
