@@ -6,6 +6,7 @@ borders. Its leaves in which the reward mostly comes are written as a class expr
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,9 @@ from semrl.knowledge.ontology import Definition, Ontology
 
 DANGER, CHANCE = "Danger", "Chance"
 """Scenes in which a loss, and in which a gain, is soon to come."""
+
+_Way: TypeAlias = tuple[int, ...]
+"""Answers on the way to a leaf: ``k`` where question k is answered with yes, ``~k`` where with no."""
 
 _CUTS = 16
 """Bounds that are tried of each number, at its quantiles."""
@@ -113,7 +117,7 @@ def learn_scene_classes(
         if sum(int((np.sign(own) == sign).sum()) for own in rewards) < config.least_rewards:
             continue
         comes = soon(rewards, sign, config.within_decisions)
-        paths = _leaves(table, comes, config)
+        paths = _shortened(_leaves(table, comes, config), table, comes)
         rules = [conjunction(*_shortest([_literal(atoms, step) for step in path])) for path in paths]
         rules = [rule for rule in rules if satisfiable(rule, words)]
         if not rules:
@@ -172,11 +176,8 @@ def _ask(words: Ontology, scenes: Interpretation, questions: Sequence[Expression
     return Classifier(words, named).of_scenes(scenes, list(named))
 
 
-def _leaves(table: NDArray[np.bool_], comes: NDArray[np.bool_], config: SceneClassesConfig) -> list[tuple[int, ...]]:
-    """Grow a tree, the best cut first (Gini); return the ways to its leaves in which the reward mostly comes.
-
-    A way is a list of steps: ``k`` where question k is answered with yes, ``~k`` where with no.
-    """
+def _leaves(table: NDArray[np.bool_], comes: NDArray[np.bool_], config: SceneClassesConfig) -> list[_Way]:
+    """Grow a tree, the best cut first (Gini); return the ways to its leaves in which the reward mostly comes."""
     answers, wanted = table.astype(np.float32), comes.astype(np.float32)
     open_leaves: list[tuple[list[int], NDArray[np.int64]]] = [([], np.arange(len(comes)))]
     cuts = [_best_cut(answers, wanted, config.least_decisions)]
@@ -186,21 +187,30 @@ def _leaves(table: NDArray[np.bool_], comes: NDArray[np.bool_], config: SceneCla
         for step, part in ((atom, rows[table[rows, atom]]), (~atom, rows[~table[rows, atom]])):
             open_leaves.append(([*way, step], part))
             cuts.append(_best_cut(answers[part], wanted[part], config.least_decisions))
-    return _joined([tuple(way) for way, rows in open_leaves if way and comes[rows].mean() > 1 / 2])
+    return [tuple(way) for way, rows in open_leaves if way and comes[rows].mean() > 1 / 2]
 
 
-def _joined(ways: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
-    """Put leaves together that differ in the last answer alone."""
-    left = dict.fromkeys(ways)
-    joining = True
-    while joining:
-        joining = False
-        for way in [way for way in left if len(way) > 1]:
-            brother = (*way[:-1], ~way[-1])
-            if way in left and brother in left:
-                left = dict.fromkeys([*(one for one in left if one not in {way, brother}), way[:-1]])
-                joining = True
-    return list(left)
+def _shortened(ways: list[_Way], table: NDArray[np.bool_], comes: NDArray[np.bool_]) -> list[_Way]:
+    """Leave out answers, and whole ways, without which no more decisions are told wrongly."""
+
+    def wrong(some: Sequence[_Way]) -> int:
+        held = np.zeros(len(comes), np.bool_)
+        for way in some:
+            held |= np.all([table[:, step] if step >= 0 else ~table[:, ~step] for step in way], axis=0)
+        return int((held != comes).sum())
+
+    least, shrinking = wrong(ways), True
+    while shrinking:
+        smaller = (
+            [*ways[:i], *([rest] if rest else []), *ways[i + 1 :]]
+            for i, way in enumerate(ways)
+            for rest in ((), *(tuple(step for step in way if step != out) for out in way))
+        )
+        found = next((some for some in smaller if wrong(some) <= least), None)
+        shrinking = found is not None and len(ways) > 0
+        if found is not None:
+            ways, least = found, wrong(found)
+    return ways
 
 
 def _best_cut(answers: Floats, wanted: Floats, least: int) -> tuple[float, int]:

@@ -95,7 +95,8 @@ class EpisodeRecord:
         """Take over what `to_arrays` returned."""
         self._states = list(arrays["states"])
         self._actions, self._rewards = arrays["actions"].tolist(), arrays["rewards"].tolist()
-        self._things = arrays_to_ragged(unnest(arrays, "things"))
+        things = unnest(arrays, "things")  # older checkpoints have none
+        self._things = arrays_to_ragged(things) if things else [no_things()] * len(self._states)
 
 
 class Experience:
