@@ -14,6 +14,6 @@ def watched_player(tracked_run):
 
 
 @pytest.fixture
-def session(watched_player):
-    with contextlib.closing(WatchSession(watched_player, "tracked")) as session:
+def session(watched_player, tracked_run):
+    with contextlib.closing(WatchSession(watched_player, "tracked", folder=tracked_run)) as session:
         yield session

@@ -79,7 +79,10 @@ def test_a_web_socket_needs_the_token(client):
         pass
 
 
-@pytest.mark.parametrize("path", ["", "static/watch.js", "static/watch.css", "static/drawing.js", "nothing"])
+@pytest.mark.parametrize(
+    "path",
+    ["", "static/watch.js", "static/watch.css", "static/drawing.js", "static/page.js", "static/teaching.js", "nothing"],
+)
 def test_every_answer_has_the_headers(client, path):
     answer = client.get(f"/{TOKEN}/{path}")
     assert answer.status_code == (404 if path == "nothing" else 200)
@@ -126,6 +129,10 @@ def test_a_page_is_told_all_and_obeyed(client, session):
         ('{"do": "policy", "value": "chance"}', "agent or the planner"),
         ('{"do": "show", "value": "x"}', "by its number"),
         ('{"do": "hold", "value": [1]}', "list of their names"),
+        ('{"do": "goal", "value": 3}', "a goal is a text"),
+        ('{"do": "goal", "value": "nowhere"}', "there is no class 'nowhere'"),
+        ('{"do": "tell", "value": "x"}', "tell a class"),
+        ('{"do": "tell", "value": {"fact": "x"}}', "assert disjoint"),
     ],
 )
 def test_a_wrong_command_has_one_clear_answer_and_changes_nothing(client, message, said):

@@ -9,6 +9,8 @@ from dataclasses import replace
 
 import pytest
 
+from semrl.evaluation.player import load_player
+from semrl.knowledge.edits import read_log
 from semrl.watch.driver import Driver
 from semrl.watch.session import WatchSession
 
@@ -47,11 +49,22 @@ def browser():
 
 
 @pytest.fixture
-def address(watched_player):
+def folder(tracked_run, tmp_path):
+    """A copy of a run, whose knowledge may be edited."""
+    shutil.copytree(tracked_run, tmp_path / "run")
+    return tmp_path / "run"
+
+
+@pytest.fixture
+def address(folder):
     """Serve a run with hostile names."""
-    names = tuple(f"{name}{HOSTILE}" for name in watched_player.action_names)
-    player = replace(watched_player, world=replace(watched_player.world, actions=names))
-    with contextlib.closing(WatchSession(player, f"run {HOSTILE}")) as session, socket.socket() as listening:
+    player = load_player(folder)
+    names = tuple(f"{name}{HOSTILE}" for name in player.action_names)
+    player = replace(player, world=replace(player.world, actions=names))
+    with (
+        contextlib.closing(WatchSession(player, f"run {HOSTILE}", folder=folder)) as session,
+        socket.socket() as listening,
+    ):
         listening.bind(("127.0.0.1", 0))
         port = listening.getsockname()[1]
         app = serving.make_app(Driver(session), token="t0ken", port=port)
@@ -65,9 +78,12 @@ def address(watched_player):
             thread.join(SECONDS)
 
 
+def waiter(browser):
+    return lambda condition: waiting.WebDriverWait(browser, SECONDS, poll_frequency=0.05).until(lambda _: condition())
+
+
 def test_a_person_uses_the_page(browser, address):
-    def wait(condition):
-        return waiting.WebDriverWait(browser, SECONDS, poll_frequency=0.05).until(lambda _: condition())
+    wait = waiter(browser)
 
     def text(name):
         return browser.find_element(ID, name).text
@@ -120,5 +136,60 @@ def test_a_person_uses_the_page(browser, address):
     )
     wait(lambda: browser.execute_script("return innerWidth") == 390)
     assert browser.execute_script("return document.documentElement.scrollWidth") <= 390, "nothing sticks out of a phone"
+    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+    assert_quiet(browser)
+
+
+def test_a_person_teaches_it(browser, address, folder):
+    wait = waiter(browser)
+
+    def text(name):
+        return browser.find_element(ID, name).get_attribute("textContent")
+
+    def shown(name):
+        return browser.find_element(ID, name).is_displayed()
+
+    def send(form, **typed):
+        for name, value in typed.items():
+            field = browser.find_element(ID, name)
+            field.clear()
+            field.send_keys(value)
+        browser.find_element(CSS, f"#{form} button").click()
+
+    browser.get(address)
+    wait(lambda: "autonomous" in text("words"))
+    send("goal-form", goal="thing.x < -50")
+    wait(lambda: "cannot be had" in text("goal-problem"))
+    assert shown("goal-problem") and not shown("goal-now")
+    assert browser.find_element(ID, "goal").get_attribute("aria-invalid") is not None
+    send("goal-form", goal=HOSTILE)
+    wait(lambda: "malformed" in text("goal-problem"))
+    assert "<img src=x" in text("goal-problem"), "what is typed is shown as text"
+    send("goal-form", goal="always(true)")
+    wait(lambda: shown("goal-now") and "Sought for" in text("goal-says") and not shown("goal-problem"))
+    assert browser.find_element(ID, "policy").get_attribute("value") == "planner"
+    browser.find_element(ID, "goal-drop").click()
+    wait(lambda: not shown("goal-now"))
+
+    send("class-form", **{"class-name": "High", "class-is": "thing.z < 3"})
+    wait(lambda: "thing.z" in text("class-problem") or "number" in text("class-problem"))
+    browser.find_element(ID, "class-forbidden").click()
+    send("class-form", **{"class-name": "High", "class-is": "thing.y < 60"})
+    wait(lambda: "High thing.y < 60" in text("classes") and "forbidden" in text("classes"))
+    wait(lambda: "High" in text("changed-says") and not shown("class-problem"))
+    assert "forbidden class High" in text("edits")
+    browser.find_element(CSS, "#classes input").click()
+    wait(lambda: "off" in browser.find_element(CSS, "#classes li > span").text)
+    send("fact-form", fact="disjoint(thing, autonomous)")
+    wait(lambda: "nothing could be of the class" in text("fact-problem"))
+    for left in ("One edit stands", "Nothing was told"):
+        browser.find_element(ID, "undo").click()
+        wait(lambda left=left: left in text("edits-says"))
+    assert [edit.do for edit in read_log(folder)] == ["add", "disable", "undo", "undo"]
+    assert not browser.find_elements(TAG, "img") and browser.title != "taken"
+    assert_quiet(browser)
+
+
+def assert_quiet(browser):
     complaints = [entry["message"] for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
     assert not complaints, "no error, and nothing that the content policy had to refuse"

@@ -68,6 +68,7 @@ def main(argv: Sequence[str]) -> None:
                 seed=arguments.seed,
                 policy=arguments.policy,
                 episode=arguments.episode,
+                folder=arguments.run,
             )
         token, port = secrets.token_urlsafe(24), listening.getsockname()[1]
         with contextlib.closing(session):

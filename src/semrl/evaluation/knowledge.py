@@ -1,7 +1,7 @@
 """The knowledge of a run, listed, edited and exported."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -91,17 +91,27 @@ def edit_knowledge(run: str | Path, edit: Edit) -> RunKnowledge:
     UsageError
         When the edit is refused, with the reason, or another process edits the run; the log is as it was.
     """
-    path = Path(run)
     known = load_knowledge(run)
+    edits, now = log_edit(run, known.learned, edit)
+    return replace(known, edits=edits, now=now)
+
+
+def log_edit(run: str | Path, learned: Ontology, edit: Edit) -> tuple[tuple[Edit, ...], Edited]:
+    """Add an edit to the log of a run that has learned these words; return all edits and what is known now.
+
+    Raises
+    ------
+    UsageError
+        See `edit_knowledge`.
+    """
+    path = Path(run)
     with locked(path / f"{LOG}.lock", f"the knowledge of {run} is being edited by another process"):
-        edits = [*read_log(path), edit]
+        edits = (*read_log(path), edit)
         if edit.do == "undo" and not standing(edits[:-1]):
             raise UsageError(f"there is no edit of {run} to take back")
-        now = edited(known.learned, edits)
+        now = edited(learned, edits)
         write_log(path, edits)
-    return RunKnowledge(
-        run=path, learned=known.learned, edits=tuple(edits), now=now, base=known.base, decisions=known.decisions
-    )
+    return edits, now
 
 
 def characteristics(role: Role) -> list[str]:

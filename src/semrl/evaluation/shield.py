@@ -11,7 +11,7 @@ from semrl.core import Floats, MapGraph, Plan
 from semrl.evaluation.player import Player
 from semrl.evaluation.words import RunWords, knowledge_of, words_of_run
 from semrl.knowledge.compiler import Classifier
-from semrl.knowledge.edits import enabled_forbidden, read_log
+from semrl.knowledge.edits import Edited, enabled_forbidden, read_log
 from semrl.planning.goal_planner import GoalPlanner, Verdicts
 from semrl.training.loop import Step
 
@@ -69,10 +69,15 @@ def shielded(player: Player, run: str | Path) -> Player:
     """
     if not any(edit.forbidden for edit in read_log(Path(run))):
         return player
-    planning, words = player.require_predictions(run), words_of_run(player, run)
-    known = knowledge_of(words, run)
-    names = enabled_forbidden(known)
-    if not names:
+    player.require_predictions(run)
+    words = words_of_run(player, run)
+    return keeping_out(player, words, knowledge_of(words, run))
+
+
+def keeping_out(player: Player, words: RunWords, known: Edited) -> Player:
+    """Return a player with a map that keeps out of what is forbidden; the same one where nothing is. See `shielded`."""
+    names, planning = enabled_forbidden(known), player.planning
+    if not names or planning is None:
         return player
     forbidden = Forbidden.of(replace(words, words=known.words), names)
     planning.planner = GoalPlanner(planning.planner, forbidden, planning.config.long_term)

@@ -139,7 +139,7 @@ class Classifier:
             case Named(name):
                 if name == SCENE:
                     return self._write(SCENE_ITSELF)
-                return self._defined[name] if name in self._defined else self._write(CLASS, self._concepts[name])
+                return self._defined[name] if name in self._defined else self._atomic(name)
             case Top():
                 return self._write(EVERY)
             case Bottom():
@@ -166,6 +166,14 @@ class Classifier:
                 return self._write(COUNT, self._roles[role], self._row(filler), number, _MANY)
             case AtMost(number, role, filler):
                 return self._write(COUNT, self._roles[role], self._row(filler), 0, number)
+
+    def _atomic(self, name: str) -> int:
+        """Return the row that tells who is of an atomic class, or of one that is below it."""
+        row = self._write(CLASS, self._concepts[name])
+        for other in self._concepts:
+            if other != name and name in self.words.above(other):
+                row = self._write(EITHER, row, self._write(CLASS, self._concepts[other]))
+        return row
 
     def _place(self, individual: str) -> int:
         """Return where an individual stands in a scene: named ones stand first, behind the scene itself."""

@@ -69,7 +69,7 @@ class GoalPlanner:
         self, history: History, knowledge: Knowledge, *, exploring: bool = False, first: int | None = None
     ) -> Plan:
         """Plan from where a history ends; see `Planner.plan`."""
-        routes = self._towards(knowledge)
+        routes = self.towards(knowledge)
         plan = self.planner.plan(history, replace(knowledge, routes=routes), exploring=exploring, first=first)
         verdicts = self.judge.judge(plan.scenarios.states, history.states[0])
         sought = routes is not knowledge.routes
@@ -77,7 +77,7 @@ class GoalPlanner:
         order = np.lexsort((far, verdicts.distances, -verdicts.progress, verdicts.reached, -verdicts.broken))
         return _reordered(plan, order)
 
-    def _towards(self, knowledge: Knowledge) -> Routes:
+    def towards(self, knowledge: Knowledge) -> Routes:
         """Return the ways to nodes that meet the goal, planned anew when other ones do."""
         graph = knowledge.state_map.graph_
         goals = self.judge.nodes(graph) if len(graph) else None

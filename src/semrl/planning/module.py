@@ -194,6 +194,15 @@ class PlanningModule:
         if plan is None:
             plan = self.plan(history, exploring=exploring)
             self._keeper.renew(plan)
+        return self._noted(history, plan)
+
+    def plan_again(self, record: PlanRecord) -> PlanRecord:
+        """Plan anew at the decision for which a plan was just made: something else is wanted or known since."""
+        plan = self.plan(record.history)
+        self._keeper.renew(plan)
+        return self._noted(record.history, plan)
+
+    def _noted(self, history: History, plan: Plan | None) -> PlanRecord:
         if plan is None:
             self._proposed = np.zeros(0, np.int64)
             return PlanRecord(history=history, plan=None, features=np.zeros(self.plan_size, np.float32))

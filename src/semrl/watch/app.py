@@ -43,6 +43,8 @@ EXPLANATION_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src dat
 """Of a page that has its style and pictures within it."""
 
 LONGEST_MESSAGE = 4096
+ANSWERED = ("goal", "tell")
+"""Commands of which the page is told that they were carried out: something was typed for them."""
 REFUSED = 4403
 """What a web socket without the token is closed with."""
 
@@ -226,18 +228,23 @@ class _Page:
 
     async def _obey(self, socket: WebSocket, message: str) -> None:
         """Carry out a command, such as ``{"do": "speed", "value": 2}``; say in one line what is wrong with it."""
+        about = None
         try:
             command = json.loads(message) if len(message) <= LONGEST_MESSAGE else None
             if not isinstance(command, dict):
                 raise SemrlError('a command is a JSON object, such as {"do": "pause"}')
-            await asyncio.wrap_future(self.driver.obey(command.get("do"), command.get("value")))
+            about = command.get("do")
+            await asyncio.wrap_future(self.driver.obey(about, command.get("value")))
+            if about in ANSWERED:
+                await socket.send_text(dumps({"type": "done", "about": about}))
         except json.JSONDecodeError:
             await self._complain(socket, 'a command is a JSON object, such as {"do": "pause"}')
         except SemrlError as error:
-            await self._complain(socket, str(error))
+            await self._complain(socket, str(error), about)
 
-    async def _complain(self, socket: WebSocket, problem: str) -> None:
-        await socket.send_text(dumps({"type": "problem", "text": problem}))
+    async def _complain(self, socket: WebSocket, problem: str, about: object = None) -> None:
+        told = about if isinstance(about, str) else None
+        await socket.send_text(dumps({"type": "problem", "text": problem, "about": told}))
 
 
 def _named(name: str) -> dict[str, str]:

@@ -14,6 +14,7 @@ from semrl.core.errors import SemrlError, UsageError
 from semrl.training.session import limited_threads
 from semrl.watch.session import WatchSession
 from semrl.watch.snapshot import about, of_moment, picture
+from semrl.watch.teaching import edit_of
 
 SLOWEST, FASTEST = 0.1, 20.0
 """Speeds, as multiples of the game's own."""
@@ -72,6 +73,8 @@ class Driver:
             "policy": self.session.decide_by,
             "person": self._set_person,
             "hold": self._hold,
+            "goal": self._seek,
+            "tell": lambda value: self.session.tell(edit_of(value)),
         }
 
     def start(self) -> None:
@@ -179,6 +182,11 @@ class Driver:
         self.session.person = value is True
         self.session.held = frozenset()
         self.session.show(self.session.kept[1])  # what was cannot be played again
+
+    def _seek(self, value: object) -> None:
+        if value is not None and not isinstance(value, str):
+            raise UsageError("a goal is a text, or null for none")
+        self.session.seek(value)
 
     def _hold(self, value: object) -> None:
         if not isinstance(value, list) or not all(isinstance(key, str) for key in value):

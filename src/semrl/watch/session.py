@@ -3,7 +3,7 @@
 import itertools
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -18,8 +18,10 @@ from semrl.evaluation.player import Player, Policy, evaluation_game
 from semrl.evaluation.rules import rule_book_of
 from semrl.evaluation.scores import EVALUATION_SEED
 from semrl.evaluation.video import write_video
+from semrl.knowledge.edits import Edit
 from semrl.training.loop import EpisodeView, Step
 from semrl.watch.keys import action_for, keys_of
+from semrl.watch.teaching import Changed, Pursuit, Teaching, actions_of, told_of
 
 MOST_KEPT = 600
 """Moments that are kept to go back to."""
@@ -42,6 +44,8 @@ class Moment:
     """What was seen in its frame."""
     by: Decider | None
     """Who took the decision that led here; None at the beginning."""
+    pursuit: Pursuit | None = None
+    """How far the goal is that a person has told; None where there is none."""
 
 
 class WatchSession:
@@ -59,9 +63,15 @@ class WatchSession:
         Who decides while no person does.
     episode
         The first one, from 0.
+    folder
+        Of its run, where what it is told is kept; `run` when None.
 
     Attributes
     ----------
+    teaching : Teaching
+        What it was asked and told.
+    changed : Changed or None
+        What the last thing that was asked or told made of the plan.
     policy
         Who decides while no person does; see `decide_by`.
     person : bool
@@ -80,13 +90,22 @@ class WatchSession:
     """
 
     def __init__(
-        self, player: Player, run: str, *, seed: int | None = None, policy: Policy = "agent", episode: int = 0
+        self,
+        player: Player,
+        run: str,
+        *,
+        seed: int | None = None,
+        policy: Policy = "agent",
+        episode: int = 0,
+        folder: Path | None = None,
     ) -> None:
         if player.perceiving:
             raise UsageError(f"{run} has not learned to see yet, so there is nothing to watch: it needs more decisions")
         if min(episode, seed or 0) < 0:
             raise UsageError(f"seed and episode must be 0 or more, not {seed} and {episode}")
-        self.player = player
+        self.teaching = Teaching(player, Path(run) if folder is None else folder)
+        self.changed: Changed | None = None
+        self.player = self.teaching.player()
         self.run = run
         self.seed = player.config.seed + EVALUATION_SEED if seed is None else seed
         self.keys = keys_of(player.action_names)
@@ -94,6 +113,7 @@ class WatchSession:
         self.held: frozenset[str] = frozenset()
         self.person = False
         self.policy: Policy = policy
+        self._policy_before: Policy | None = None
         self.decide_by(policy)
         self._kept: deque[Moment] = deque()
         self._behind = 0
@@ -127,7 +147,38 @@ class WatchSession:
             raise UsageError("either the agent or the planner decides")
         if policy == "planner":
             self.player.require_predictions(self.run)
-        self.policy = policy
+        self.policy, self._policy_before = policy, None
+
+    def seek(self, goal: str | None) -> None:
+        """Let the planner play for a goal from the newest moment on; for none: who decided before decides again.
+
+        Raises
+        ------
+        UsageError
+            When it is malformed, in unknown words, or cannot be had; the message says why.
+        """
+        self._behind = 0
+        if goal is None:
+            self.teaching.drop()
+            self._hand_back()
+        else:
+            self.teaching.seek(goal, self._kept[-1].step)
+            before = self._policy_before or self.policy
+            self.decide_by("planner")
+            self._policy_before = before
+        self._plan_again("the goal" if goal else "no goal")
+
+    def tell(self, edit: Edit) -> None:
+        """Add to what the run knows, or take something back; the next decision heeds it.
+
+        Raises
+        ------
+        UsageError
+            When it is refused, with the reason.
+        """
+        self._behind = 0
+        self.teaching.tell(edit)
+        self._plan_again(told_of(edit))
 
     def step(self) -> Moment:
         """Go on by a decision: to the next moment that is kept or, from the newest, by playing.
@@ -201,6 +252,8 @@ class WatchSession:
         write_video(path, self.player.encoder.space, ((m.step, m.sight) for m in self.before(count)))
 
     def _begin(self, episode: int) -> None:
+        self.teaching.begin()
+        self.player = self.teaching.player()
         game, self._rng = evaluation_game(self._env, episode, self.seed)
         self._view = self.player.view()
         self._steps = self._played(game, self._view)
@@ -213,6 +266,7 @@ class WatchSession:
 
     def _choose(self, step: Step, n_actions: int) -> int:
         """Let the person decide, or, where no key is held that means something, whoever else does."""
+        step = self._kept[-1].step  # the same one, but for a plan that was made anew
         action = action_for(self.held, self.keys) if self.person else None
         self._by = self.policy if action is None else "person"
         return self.player.decide(step, n_actions, self._rng, self.policy) if action is None else action
@@ -220,7 +274,38 @@ class WatchSession:
     def _keep(self, step: Step, by: Decider | None) -> None:
         number = self._kept[-1].number + 1 if self._kept else 0
         sight = self._view.look()
-        self._kept.append(Moment(number=number, episode=self._episode, step=step, sight=sight, by=by))
+        ended = bool(self._kept) and by is not None and self.teaching.follow(step, self._kept[-1].step, sight)
+        pursuit = self.teaching.pursuit(step)
+        moment = Moment(number=number, episode=self._episode, step=step, sight=sight, by=by, pursuit=pursuit)
+        self._kept.append(moment)
         most = max(2, min(MOST_KEPT, MOST_KEPT_BYTES // np.asarray(step.observation.frame).nbytes))
         while len(self._kept) > most:
             self._kept.popleft()
+        if ended:
+            if pursuit is not None and pursuit.state == "reached":
+                self._hand_back()
+            self._renew_plan()
+
+    def _hand_back(self) -> None:
+        """Let those decide who did before there was a goal."""
+        if self._policy_before is not None:
+            self.decide_by(self._policy_before)
+
+    def _plan_again(self, told: str) -> None:
+        """Plan anew at the newest moment, and note what became of the plan."""
+        record = self._kept[-1].step.record
+        before = actions_of(record.plan if record else None)
+        self._renew_plan()
+        record = self._kept[-1].step.record
+        self.changed = Changed(told=told, before=before, after=actions_of(record.plan if record else None))
+
+    def _renew_plan(self) -> None:
+        """Let the newest moment be planned in by what is asked and known now."""
+        self.player = self.teaching.player()
+        moment, planning = self._kept[-1], self.player.planning
+        step = moment.step
+        if planning and step.record and step.shown and not step.done:
+            record = planning.plan_again(step.record)
+            shown = replace(step.shown, plan=record.features)
+            step = replace(step, record=record, shown=shown)
+        self._kept[-1] = replace(moment, step=step, pursuit=self.teaching.pursuit(step))

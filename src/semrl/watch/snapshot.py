@@ -1,6 +1,7 @@
 """What the page is told: of a session once, and of every moment that is shown."""
 
 import math
+from dataclasses import asdict
 from typing import Any
 
 import cv2
@@ -11,9 +12,11 @@ from semrl.core import IMAGE_SIZE_PX, Floats, Frame, MapGraph, Plan
 from semrl.evaluation.rules import unit_of
 from semrl.evaluation.sight import CLASS_COLOURS
 from semrl.evaluation.video import imagined_ways
+from semrl.knowledge.edits import standing
 from semrl.planning import reason
 from semrl.training.loop import Step
 from semrl.watch.session import WatchSession
+from semrl.watch.teaching import told_of
 from semrl.world_model.rules import sentence
 
 MOST_NODES, MOST_EDGES = 3_000, 6_000
@@ -22,6 +25,7 @@ SCENARIOS_SHOWN = 4
 FACTS_SHOWN = 60
 TRAIL_DECISIONS = 24
 """For so many decisions the page shows where things came from, and what came."""
+EDITS_SHOWN = 12
 LARGEST_PNG_PX = 320 * 240
 """Larger frames go as JPEG."""
 
@@ -45,6 +49,7 @@ def about(session: WatchSession) -> dict[str, Any]:
         "unit": player.encoder.space.unit,
         "colours": [list(colour) for colour in CLASS_COLOURS],
         "map": drawn_map(planning.state_map.graph_, planning.routes.goals) if planning else None,
+        "words": _words(session),
     }
 
 
@@ -77,6 +82,8 @@ def of_moment(session: WatchSession) -> dict[str, Any]:
         "came": _came(session),
         "rules": _rules(session),
         "place": _place(session, step),
+        "goal": None if moment.pursuit is None else asdict(moment.pursuit),
+        "taught": _taught(session),
     }
 
 
@@ -254,12 +261,51 @@ def _place(session: WatchSession, step: Step) -> dict[str, Any] | None:
     if planning is None or step.record is None or step.record.plan is None or step.record.plan.node < 0:
         return None
     plan = step.record.plan
-    distance = float(planning.routes.distances[plan.node])
+    routes = session.teaching.routes
+    distance = float((planning.routes if routes is None else routes).distances[plan.node])
     return {
+        "to": "gain" if routes is None else "goal",
         "node": plan.node,
         "path": plan.path.tolist(),
         "end": int(plan.end_nodes[0]),
         "cost": distance if math.isfinite(distance) else None,
+    }
+
+
+def _words(session: WatchSession) -> dict[str, Any]:
+    """Tell what goals and classes may be written of, with an example; or why there is nothing to say."""
+    words = session.teaching.words
+    if words is None:
+        return {"trouble": session.teaching.trouble}
+    known = words.words
+    ranges = {f"{name}.{number}": bounds for (name, number), bounds in known.ranges.items() if number in ("x", "y")}
+    lowest = max(ranges, key=lambda name: ranges[name][1] - ranges[name][0], default="")
+    low, high = ranges.get(lowest, (0.0, 0.0))
+    return {
+        "trouble": "",
+        "example": f"{lowest} < {(low + high) / 2:.0f}" if lowest else "",
+        "classes": list(known.concepts),
+        "numbers": list(known.numbers),
+        "roles": list(known.role_names),
+        "individuals": list(known.individuals),
+    }
+
+
+def _taught(session: WatchSession) -> dict[str, Any]:
+    """Tell what people have told the run, what of it holds now, and what the last thing made of the plan."""
+    teaching, names = session.teaching, session.player.action_names
+    steps = [m.step for m in session.before(1)]
+    left, changed = standing(teaching.log), session.changed
+    return {
+        "classes": teaching.classes(steps[-1], steps[0]),
+        "edits": [told_of(edit) for edit in left[-EDITS_SHOWN:]],
+        "edits_in_all": len(left),
+        "changed": changed
+        and {
+            "told": changed.told,
+            "before": [names[action] for action in changed.before],
+            "after": [names[action] for action in changed.after],
+        },
     }
 
 

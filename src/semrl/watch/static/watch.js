@@ -1,8 +1,9 @@
 // The live page: shows what the run tells over a web socket, and tells it what a person wants.
 // Names come from environments, files and people: they are only ever set as text.
 import { colourOf, drawCurve, drawMap, drawScreen } from "./drawing.js";
+import { $, fill, make, number, text } from "./page.js";
+import { answered, askable, showTeaching } from "./teaching.js";
 
-const $ = (id) => document.getElementById(id);
 const MAX_CURVE = 600;
 let about = null, moment = null, bitmap = null, socket = null, due = false;
 const curve = new Map(); // number of the moment -> return
@@ -23,6 +24,7 @@ function say(name, value) {
 
 function hear(message) {
   if (message.type === "about") introduce(message);
+  if (answered(message)) return;
   if (message.type === "problem") complain(message.text);
 }
 
@@ -65,6 +67,7 @@ function introduce(told) {
   $("map-card").hidden = !told.map;
   const keys = told.actions.map((name, i) => `${told.keys[i].map(keyName).join(" + ") || "nothing"}: ${name}`);
   text("keys", `Hold ${keys.join(" · ")}. While no key is held that means something, ${told.keys.some((k) => !k.length) ? "the game waits" : "the other one decides"}. Escape gives the joystick back.`);
+  askable(told.words, say);
   text("fact-value", about.unit === 0.01 ? "value, %" : "value");
   refresh();
 }
@@ -100,6 +103,7 @@ function show() {
   showFacts(m.facts);
   showRules(m.rules ?? []);
   showPlace(m.place);
+  showTeaching(m.goal, m.taught, showStrip);
   drawCurve($("curve"), curve, m.number);
   speak(m);
 }
@@ -204,7 +208,8 @@ function showPlace(place) {
   drawMap($("map"), about.map, place);
   const all = `${about.map.nodes_in_all.toLocaleString("en")} nodes, ${about.map.edges_in_all.toLocaleString("en")} edges.`;
   if (!place) return text("place", all);
-  const way = place.cost === null ? "No way to a gain is known from here." : place.path.length < 2 ? "A gain begins here." : `The nearest gain begins ${place.path.length - 1} steps away, at a cost of ${number(place.cost)}.`;
+  const [end, begins] = place.to === "goal" ? ["the goal", "The goal lies"] : ["a gain", "The nearest gain begins"];
+  const way = place.cost === null ? `No way to ${end} is known from here.` : place.path.length < 2 ? `${begins} here.` : `${begins} ${place.path.length - 1} steps away, at a cost of ${number(place.cost)}.`;
   text("place", `${way} ${all}`);
 }
 
@@ -215,30 +220,6 @@ function speak(m) { // for those who hear the page: now and then, and what matte
   spoken = now;
   $("spoken").dataset.number = m.number;
   text("spoken", `Decision ${m.decision}, ${m.action ?? "beginning"}, ${m.reward ? `reward ${number(m.reward)}, ` : ""}return ${number(m.return)}${m.over ? ", the episode is over" : ""}`);
-}
-
-// ---- small things --------------------------------------------------------------------------------------------------
-
-function text(id, value) {
-  const element = $(id), wanted = String(value);
-  if (element.textContent !== wanted) element.textContent = wanted;
-}
-
-function number(value, digits = 2) {
-  if (value === null || value === undefined) return "–";
-  return value.toLocaleString("en", { maximumFractionDigits: digits }).replace("-", "−").replace(/^−0$/, "0");
-}
-
-function make(tag, ...children) {
-  const element = document.createElement(tag);
-  element.append(...children);
-  return element;
-}
-
-function fill(parent, count, create, update) { // rows are kept and written anew: making them 30 times a second costs
-  while (parent.children.length > count) parent.lastElementChild.remove();
-  while (parent.children.length < count) parent.append(create());
-  for (let i = 0; i < count; i++) update(parent.children[i], i);
 }
 
 // ---- obeying -------------------------------------------------------------------------------------------------------
