@@ -22,6 +22,7 @@ demo: install  ## train on Pong for a few minutes, evaluate, write a report
 	@$(BIN)/semrl train --run $(RUN) $(if $(wildcard $(RUN)),--resume,--decisions $(DECISIONS))
 	@$(BIN)/semrl eval $(RUN) --episodes 5 --video $(RUN)/video.mp4
 	@$(BIN)/semrl report $(RUN)
+	@echo "Next, watch it think, live in the browser:  $(BIN)/semrl watch $(RUN)"
 
 test: install  ## the test suite, a few minutes
 	$(BIN)/pytest -q -n 2

@@ -1,17 +1,21 @@
 """`semrl watch` as a person calls it: the first line is the address, and Ctrl-C is a good end."""
 
 import os
+import shutil
 import signal
 import socket
 import subprocess
 import sys
 import urllib.error
 import urllib.request
+from pathlib import Path
 
 import pytest
 
 pytest.importorskip("starlette", reason="the extra 'watch' is not installed")
 pytest.importorskip("uvicorn", reason="the extra 'watch' is not installed")
+
+MAKEFILE = Path(__file__).parents[2] / "Makefile"
 
 
 def status_of(address):
@@ -62,6 +66,18 @@ def test_a_missing_extra_is_one_line(call, tracked_run, monkeypatch):
     monkeypatch.setitem(sys.modules, "uvicorn", None)
     told = call("watch", tracked_run, "--no-browser")
     assert told.status == 2 and "extra 'watch'" in told.message and "pip install" in told.message
+
+
+@pytest.mark.skipif(not (MAKEFILE.exists() and shutil.which("make")), reason="there is no make, or no Makefile")
+def test_the_demo_ends_with_an_offer_to_watch_its_run():
+    told = subprocess.run(
+        ["make", "-n", "-o", "install", "demo", "RUN=runs/x y"],
+        cwd=MAKEFILE.parent,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert told.stdout.splitlines()[-1].startswith("echo ") and "semrl watch runs/x y" in told.stdout.splitlines()[-1]
 
 
 def test_there_must_be_a_run(call, tmp_path):

@@ -63,7 +63,7 @@ def main(argv: Sequence[str]) -> None:
     with contextlib.closing(_listen(arguments.port)) as listening:
         with error_console.status(f"loading {arguments.run}"):
             session = WatchSession(
-                load_player(arguments.run, arguments.at),
+                load_player(arguments.run, arguments.at, memory=True),  # from which classes are learned
                 str(arguments.run),
                 seed=arguments.seed,
                 policy=arguments.policy,
