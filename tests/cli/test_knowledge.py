@@ -6,6 +6,7 @@ import shutil
 import pyoxigraph as ox
 import pytest
 
+from semrl.core.errors import UsageError
 from semrl.evaluation import evaluate
 from semrl.evaluation.knowledge import load_knowledge
 from semrl.evaluation.player import load_player
@@ -108,3 +109,22 @@ def test_play_is_shielded_from_what_is_forbidden(run, call):
         assert evaluate(run, episodes=1, policy=policy, max_decisions=20).episodes == 1
     call("knowledge", run, "disable", "High")
     assert shielded(load_player(run), run).shield is None
+
+
+@pytest.mark.parametrize("mode", ["on", "shuffled"])
+def test_classes_count_in_plans_where_they_are_asked_to(run, mode):
+    told = evaluate(run, episodes=1, policy="planner", classes=mode, max_decisions=20)
+    assert told.conditions["classes"] == mode and 0 <= told.conditions["changed"] <= 1
+    assert (run / f"evaluation-planner-classes-{mode}.json").exists()
+
+
+def test_what_is_disabled_does_not_count(run, call):
+    for name in [name for name, one in classes(call, run).items() if one["origin"] == "learned"]:
+        assert call("knowledge", run, "disable", name).status == 0
+    told = call("eval", run, "--policy", "planner", "--episodes", 1, "--classes", "on")
+    assert told.status == 2 and "knows no class" in told.message
+
+
+def test_only_three_ways_to_count_classes_are_known(tracked_run):
+    with pytest.raises(UsageError, match=r"off, on, shuffled"):
+        evaluate(tracked_run, episodes=1, classes="maybe")

@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 
 from semrl.knowledge.compiler import Classifier
 from semrl.knowledge.condition import read_condition
-from semrl.knowledge.scene_classes import CHANCE, DANGER, SceneClassesConfig, learn_scene_classes, soon
+from semrl.knowledge.expressions import Bottom, Or
+from semrl.knowledge.ontology import Definition
+from semrl.knowledge.scene_classes import CHANCE, DANGER, SceneClassesConfig, learn_scene_classes, shuffled, soon
 from semrl.knowledge.slots import SlotReader, kinds_of, slots_of, words_of
 from semrl.knowledge.writing import write_condition
 
@@ -88,3 +90,25 @@ def test_what_contradicts_the_ontology_is_refused():
     scenes, rewards = flights(2)
     bounded = replace(WORDS, ranges={("ball", "x"): (0.0, 70.0)})
     assert learn_scene_classes(bounded, scenes, rewards, CONFIG) == {}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_shuffled_classes_have_the_same_rules_in_other_places(seed):
+    rules = [read_condition(text, WORDS) for text in ("ball.x > 80", "level(ball, own)", "own.y < 20", "ball.y > 60")]
+    told = {DANGER: Definition(expression=Or(tuple(rules[:3]))), CHANCE: Definition(expression=rules[3])}
+    words = WORDS.having(**told)
+    other = shuffled(words, (DANGER, CHANCE), seed).definitions
+    dealt = {name: set(_parts(other[name].expression)) for name in told}
+    assert set.union(*dealt.values()) == set(rules) and len(dealt[DANGER]) == 3
+    assert dealt[DANGER] != set(rules[:3])
+
+
+def test_where_one_class_was_learned_the_other_one_gets_its_rules():
+    words = WORDS.having(**{DANGER: Definition(expression=read_condition("ball.x > 80", WORDS))})
+    other = shuffled(words, (DANGER, CHANCE)).definitions
+    assert other[CHANCE].expression == words.definitions[DANGER].expression
+    assert other[DANGER].expression == Bottom()
+
+
+def _parts(expression):
+    return expression.parts if isinstance(expression, Or) else (expression,)

@@ -15,6 +15,7 @@ from semrl.evaluation import evaluate
 from semrl.evaluation.player import Policy
 from semrl.evaluation.video import recorder
 from semrl.training import RunFolder
+from semrl.training.config import ClassesMode
 from semrl.training.loop import Step
 from semrl.training.progress_lines import last_returns
 
@@ -41,6 +42,9 @@ class EvalArguments:
     env_variant: str | None = None
     """How the game is altered, such as recoloured, mirrored or lazy_enemy+recoloured; "": as it is [default: as in
     training]."""
+    classes: ClassesMode | None = None
+    """Whether plans count classes of scenes that play taught, Danger and Chance; shuffled: their rules dealt out by
+    chance, to compare [default: off]."""
     max_decisions: int | None = None
     """Decisions after which an episode is cut [default: what the run is configured for, 27000]."""
     at: int | None = None
@@ -82,6 +86,7 @@ def main(argv: Sequence[str]) -> None:
             sticky_actions=arguments.sticky_actions,
             variant=arguments.env_variant,
             max_decisions=arguments.max_decisions,
+            classes=arguments.classes,
             at=arguments.at,
             on_episode=on_episode,
             on_step=on_step,
@@ -94,6 +99,7 @@ def main(argv: Sequence[str]) -> None:
         "episodes": result.episodes,
         "from … to": f"{result.min:.0f} … {result.max:.0f}",
         "decisions each": f"{min(result.lengths):,} … {max(result.lengths):,}",
+        **({"changed by classes": f"{result.conditions['changed']:.1%}"} if "changed" in result.conditions else {}),
         **_rewards(result.rewards[0]),
         **({"video": arguments.video} if arguments.video else {}),
     })  # fmt: skip

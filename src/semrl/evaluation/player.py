@@ -16,6 +16,7 @@ from semrl.envs import Game, make_env
 from semrl.envs.actions import Env
 from semrl.evaluation.graph import empty_map, no_map
 from semrl.perception.encoders import Encoder
+from semrl.planning.class_planner import ClassPlanner
 from semrl.planning.module import PlanningModule
 from semrl.training.config import RunConfig
 from semrl.training.folder import RunFolder
@@ -42,6 +43,8 @@ class Player:
     """Whether perception was still being learned at this checkpoint."""
     shield: Callable[[int, Step], int] | None = None
     """Exchanges what the agent would do where people have forbidden what it leads to; see `shielded`."""
+    classes: ClassPlanner | None = None
+    """Plans by classes of scenes, where they count; see `counting_classes`."""
 
     @property
     def action_names(self) -> tuple[str, ...]:

@@ -13,8 +13,9 @@ import numpy as np
 from semrl.core.errors import SemrlWarning, UsageError
 from semrl.evaluation.kept import keep_result, warn_unwritable
 from semrl.evaluation.player import Player, Policy, load_player
+from semrl.evaluation.scene_classes import counting_classes
 from semrl.evaluation.shield import shielded
-from semrl.training.config import EvaluationConfig
+from semrl.training.config import ClassesMode, EvaluationConfig
 from semrl.training.loop import Step
 from semrl.training.session import limited_threads
 from semrl.training.world import World
@@ -57,6 +58,7 @@ def evaluate(
     sticky_actions: float | None = None,
     variant: str | None = None,
     max_decisions: int | None = None,
+    classes: ClassesMode | None = None,
     at: int | None = None,
     on_episode: Callable[[float], None] = lambda _: None,
     on_step: Callable[[int, Step], None] = lambda _episode, _step: None,
@@ -70,7 +72,7 @@ def evaluate(
     ----------
     run
         Folder of the run; its newest checkpoint plays.
-    episodes, exploration, sticky_actions, variant, max_decisions
+    episodes, exploration, sticky_actions, variant, max_decisions, classes
         As in `EvaluationConfig`; the run's own when None.
     seed
         Of the episodes; when None, one that training did not use.
@@ -100,11 +102,17 @@ def evaluate(
     if (episodes is not None and episodes < 1) or (seed is not None and seed < 0):
         raise UsageError(f"episodes must be 1 or more and seed 0 or more, not {episodes} and {seed}")
     asked: dict[str, Any] = {"episodes": episodes, "exploration": exploration, "sticky_actions": sticky_actions}
-    asked |= {"variant": variant, "max_decisions": max_decisions}
+    asked |= {"variant": variant, "max_decisions": max_decisions, "classes": classes}
     player = _ready_player(run, policy, at, {name: value for name, value in asked.items() if value is not None})
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
     path = result_path(
-        run, policy=policy, exploration=exploration, sticky_actions=sticky_actions, variant=variant, at=at
+        run,
+        policy=policy,
+        exploration=exploration,
+        sticky_actions=sticky_actions,
+        variant=variant,
+        classes=classes,
+        at=at,
     )
     warn_unwritable(path)
     games: list[_Game] = []
@@ -120,14 +128,14 @@ def evaluate(
 
 def _ready_player(run: str | Path, policy: Policy, at: int | None, conditions: dict[str, Any]) -> Player:
     """Load who is to play, and check that it can."""
-    player = load_player(run, at).under(**conditions)
+    player = load_player(run, at, memory=conditions.get("classes", "off") != "off").under(**conditions)
     if player.perceiving:
         raise UsageError(
             f"{run} has not learned to see yet, so there is no agent to play with: it needs more decisions"
         )
     if policy == "planner":
         player.require_predictions(run)
-    return shielded(player, run)
+    return shielded(counting_classes(player, run), run)
 
 
 def _conditions(player: Player, seed: int, world: World, games: Sequence["_Game"]) -> dict[str, Any]:
@@ -143,6 +151,8 @@ def _conditions(player: Player, seed: int, world: World, games: Sequence["_Game"
         "sticky_actions": world.sticky_actions,
     }
     played |= {"variant": player.variant}
+    if player.classes:
+        played |= {"changed": player.classes.changed / max(player.classes.decisions, 1)}
     return {**tested, **played, "cut": cut}
 
 
@@ -181,6 +191,7 @@ def result_path(
     exploration: float | None = None,
     sticky_actions: float | None = None,
     variant: str | None = None,
+    classes: ClassesMode | None = None,
     at: int | None = None,
 ) -> Path:
     """Return where `evaluate` writes: ``evaluation.json``, or ``evaluation-planner-sticky-0.25-at-50000.json``."""
@@ -188,6 +199,7 @@ def result_path(
     parts: list[str] = [] if policy == "agent" else [policy]
     parts += [f"{name}-{share:g}" for name, share in shares.items() if share is not None]
     parts += [] if variant is None else [variant or "unaltered"]
+    parts += [] if classes is None else [f"classes-{classes}"]
     parts += [] if at is None else [f"at-{at}"]
     return Path(run) / f"{'-'.join(['evaluation', *parts])}.json"
 

@@ -5,7 +5,7 @@ borders. Its leaves in which the reward mostly comes are written as a class expr
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -23,6 +23,7 @@ from semrl.knowledge.expressions import (
     HasValue,
     Named,
     Not,
+    Or,
     Some,
     conjunction,
     disjunction,
@@ -250,3 +251,34 @@ def _bound(literal: Expression) -> float:
     facet = literal.filler.parts[1]
     assert isinstance(facet, Facet)
     return facet.bound
+
+
+def shuffled(words: Ontology, names: Sequence[str], seed: int = 0) -> Ontology:
+    """Return words in which the rules of some classes are dealt out among these classes by chance.
+
+    Each class has as many as before; where only one has any, another one gets them all. It is what learned classes are
+    compared with.
+    """
+    told = [name for name in names if name in words.definitions]
+    rules = [(name, rule) for name in told for rule in _rules(words.definitions[name].expression)]
+    owners = [name for name, _ in rules]
+    if len(told) > 1:
+        rng = np.random.default_rng(seed)
+        dealt = owners
+        while dealt == owners:  # there are two owners, so that another deal comes
+            dealt = [owners[i] for i in rng.permutation(len(rules))]
+        owners = dealt
+    else:
+        owners = [next(name for name in names if name != owner) for owner in owners]
+    changed = {
+        name: replace(
+            words.definitions.get(name, words.definitions[told[0]]),
+            expression=disjunction(*(rule for (_, rule), owner in zip(rules, owners, strict=True) if owner == name)),
+        )
+        for name in names
+    }
+    return words.having(**changed)
+
+
+def _rules(expression: Expression) -> tuple[Expression, ...]:
+    return expression.parts if isinstance(expression, Or) else (expression,)

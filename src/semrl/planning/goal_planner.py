@@ -6,10 +6,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from semrl.core import Floats, History, Ints, MapGraph, Plan
+from semrl.core import Floats, History, MapGraph, Plan
 from semrl.planning.long_term import LongTermConfig, Routes, plan_routes
 from semrl.planning.protocol import Knowledge, Planner
-from semrl.planning.ranking import take
+from semrl.planning.ranking import reordered
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -75,7 +75,7 @@ class GoalPlanner:
         sought = routes is not knowledge.routes
         far = routes.distances[plan.end_nodes] if sought else np.zeros(len(plan.scenarios))
         order = np.lexsort((far, verdicts.distances, -verdicts.progress, verdicts.reached, -verdicts.broken))
-        return _reordered(plan, order)
+        return reordered(plan, order)
 
     def towards(self, knowledge: Knowledge) -> Routes:
         """Return the ways to nodes that meet the goal, planned anew when other ones do."""
@@ -87,13 +87,3 @@ class GoalPlanner:
         if self._routes is None or self._routes[0] != known:
             self._routes = known, plan_routes(graph, self.costs, goals=goals)
         return self._routes[1]
-
-
-def _reordered(plan: Plan, order: Ints) -> Plan:
-    return replace(
-        plan,
-        scenarios=take(plan.scenarios, order),
-        returns=plan.returns[order],
-        end_nodes=plan.end_nodes[order],
-        progress=plan.progress[order],
-    )

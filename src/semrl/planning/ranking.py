@@ -147,3 +147,14 @@ def take(scenarios: Scenarios, order: Ints) -> Scenarios:
         values=scenarios.values[order],
         uncertainties=None if scenarios.uncertainties is None else scenarios.uncertainties[order],
     )
+
+
+def reordered(plan: Plan, order: Ints) -> Plan:
+    """Return the same plan with its scenarios in another order, the best first."""
+    return replace(
+        plan,
+        scenarios=take(plan.scenarios, order),
+        returns=plan.returns[order],
+        end_nodes=plan.end_nodes[order],
+        progress=plan.progress[order],
+    )

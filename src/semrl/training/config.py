@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import msgspec
 import tomli_w
@@ -47,6 +47,10 @@ MODELS = {
 MAX_THREADS = 1024
 
 
+ClassesMode = Literal["off", "on", "shuffled"]
+"""Whether classes of scenes count in plans."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class EvaluationConfig:
     """How a trained agent is tested."""
@@ -61,6 +65,9 @@ class EvaluationConfig:
     """Probability that a frame repeats the previous action (Machado et al. 2018); None: as in training."""
     variant: str | None = None
     """How the game is altered, see environment.variant; None: as in training."""
+    classes: ClassesMode = "off"
+    """Whether what is imagined counts by the classes Danger and Chance that were learned; shuffled: as if their rules
+    had been dealt out among them by chance, to compare."""
     max_decisions: int = 27_000
     """Decisions after which an episode is cut: 108,000 frames at frame skip 4, as is usual for Atari games."""
 
@@ -72,6 +79,8 @@ class EvaluationConfig:
             )
         if self.max_decisions < 1:
             raise UsageError(f"evaluation.max_decisions must be 1 or more, not {self.max_decisions}")
+        if self.classes not in get_args(ClassesMode):
+            raise UsageError(f"evaluation.classes is one of {', '.join(get_args(ClassesMode))}, not {self.classes}")
         for name in ("exploration", "sticky_actions"):
             if not 0 <= (getattr(self, name) or 0) <= 1:
                 raise UsageError(f"evaluation.{name} is a probability from 0 to 1, not {getattr(self, name)}")
