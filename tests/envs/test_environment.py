@@ -6,6 +6,7 @@ import pytest
 
 from semrl.core.errors import UsageError
 from semrl.envs import EnvironmentConfig, action_meanings, make_env, rom_name
+from semrl.envs.environment import newest_frames
 
 PONG = "PongNoFrameskip-v4"
 CATCH = "semrl/Catch-v0"
@@ -201,3 +202,24 @@ def test_unknown_actions_are_refused():
 def test_impossible_settings_are_refused(settings):
     with pytest.raises(UsageError, match=next(iter(settings))):
         EnvironmentConfig(**settings)
+
+
+@pytest.mark.parametrize(
+    ("env", "config"), [(PONG, {}), (PONG, {"sticky_actions": 0.25}), (CATCH, {}), ("Counter-v0", {})]
+)
+def test_who_looks_at_every_frame_plays_the_same_game(env, config):
+    config = EnvironmentConfig(max_noops=0, **config)
+    plain, watched = make_env(env, config), make_env(env, config, every_frame=True)
+    assert np.array_equal(plain.reset(seed=4)[0], watched.reset(seed=4)[0])
+    for action in np.random.default_rng(4).integers(2, size=30).tolist():
+        wanted, found = plain.step(action), watched.step(action)
+        assert np.array_equal(wanted[0], found[0]) and wanted[1:4] == found[1:4]
+        frames = newest_frames(watched)
+        assert 1 <= len(frames) <= 4 and np.array_equal(frames[-1], found[0])
+        if env == "Counter-v0":
+            assert [int(frame.min()) for frame in frames] == list(
+                range(int(found[0].min()) - len(frames) + 1, int(found[0].min()) + 1)
+            )
+        if found[2] or found[3]:
+            break
+    assert newest_frames(make_env(CATCH, EnvironmentConfig(frame_skip=1))) == []

@@ -44,7 +44,7 @@ def until(live, wanted):
         message = live.receive()
         if message.get("bytes"):
             told, _ = read(message["bytes"])
-            if wanted(told):
+            if told["type"] == "moment" and wanted(told):
                 return told
     raise AssertionError("it did not come")
 
@@ -172,3 +172,20 @@ def test_it_keeps_time(driver, speed):
     driver.stop()
     assert after - before <= wanted + 2
     assert after - before >= min(wanted, 20) / 4, "it hardly moved"
+
+
+def test_slow_play_shows_what_was_between_decisions(client, driver):
+    with client.websocket_connect(LIVE) as live:
+        live.receive_text()
+        live.send_json({"do": "speed", "value": 0.5})
+        live.send_json({"do": "play"})
+        kinds, began = [], time.monotonic()
+        while kinds.count("moment") < 6 and time.monotonic() - began < 20:
+            message = live.receive()
+            if message.get("bytes"):
+                told, picture = read(message["bytes"])
+                kinds.append(told["type"])
+                assert picture.startswith(b"\x89PNG")
+        live.send_json({"do": "pause"})
+        until(live, lambda m: not m["playing"])
+    assert "between" in kinds and kinds.count("moment") == 6

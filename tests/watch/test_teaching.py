@@ -30,8 +30,12 @@ def folder(tracked_run, tmp_path):
 
 @pytest.fixture
 def session(folder):
-    with contextlib.closing(WatchSession(load_player(folder), "taught", folder=folder)) as session:
+    with contextlib.closing(WatchSession(load_player(folder, memory=True), "taught", folder=folder)) as session:
         yield session
+
+
+def known(session):
+    return {one["name"]: one for one in of_moment(session)["taught"]["classes"]}
 
 
 def walk(session, most=300):
@@ -135,10 +139,10 @@ def test_the_record_is_that_of_semrl_knowledge(folder, session):
     session.tell(edit_of({"class": "Both", "is": "High and count(thing) > 1"}))
     session.tell(edit_of({"class": "High", "on": False}))
     assert [edit.do for edit in read_log(folder)] == ["add", "add", "disable"]
-    known = load_knowledge(folder).to_dict()["classes"]
+    wanted = load_knowledge(folder).to_dict()["classes"]
     told = of_moment(session)["taught"]
     assert [(one["name"], one["condition"], one["on"], one["forbidden"]) for one in told["classes"]] == [
-        (one["name"], one["condition"], one["enabled"], one["forbidden"]) for one in known
+        (one["name"], one["condition"], one["enabled"], one["forbidden"]) for one in wanted
     ]
     assert told["edits"] == [
         "forbidden class High: thing.y < 60",
@@ -150,7 +154,7 @@ def test_the_record_is_that_of_semrl_knowledge(folder, session):
         assert of_moment(session)["taught"]["edits_in_all"] == left
     with pytest.raises(UsageError, match="no edit"):
         session.tell(edit_of({"undo": True}))
-    assert load_knowledge(folder).to_dict()["classes"] == []
+    assert "High" not in known(session) and not any(edit["on"] is False for edit in known(session).values())
 
 
 def test_classes_hold_where_their_conditions_do(session):
@@ -159,12 +163,12 @@ def test_classes_hold_where_their_conditions_do(session):
     names, unit = session.player.encoder.space.names, session.player.encoder.space.unit
     kinds = set()
     for _ in range(20):
-        told = of_moment(session)["taught"]["classes"]
+        told = known(session)
         facts = dict(zip(names, (session.moment.step.state.facts / unit).tolist(), strict=False))
         slots = session.teaching.words.reader.slots
         at = [(slot.name, facts[names[slot.columns["x"]]], facts[names[slot.columns["seen"]]]) for slot in slots]
         left = [name for name, x, seen in at if x < 50 and seen * unit > 0.5]
-        assert told[0]["holds"] == left and told[1]["holds"] == bool(left)
+        assert told["Left"]["holds"] == left and told["Some"]["holds"] == bool(left)
         kinds.add(bool(left))
         session.step()
     assert kinds
@@ -193,20 +197,18 @@ def test_what_is_refused_leaves_all_as_it_was(folder, session, value, said):
 
 
 def test_a_fact_puts_things_into_classes(session):
-    known = session.teaching.words.words
-    low, high = "border", "controlled"
-    assert low in known.concepts and high in known.concepts
+    words = session.teaching.words.words
     session.tell(edit_of({"class": "Held", "is": "controlled", "of_things": True}))
-    before = of_moment(session)["taught"]["classes"][0]["holds"]
+    before = known(session)["Held"]["holds"]
     assert not any(name.endswith("_border") for name in before)
     with pytest.raises(UsageError, match="nothing could be of the class border"):
         session.tell(edit_of({"fact": "below(border, controlled)"}))  # nothing is both a border and a thing
     slots = [slot.name for slot in session.teaching.words.reader.slots]
-    others = [name for name in slots if name in known.concepts and "controlled" not in known.above(name)]
-    free = [name for name in others if not any({"autonomous", "controlled"} <= set(group) for group in known.disjoint)]
+    others = [name for name in slots if name in words.concepts and "controlled" not in words.above(name)]
+    free = [name for name in others if not any({"autonomous", "controlled"} <= set(group) for group in words.disjoint)]
     for name in free:
         session.tell(edit_of({"fact": f"below({name}, controlled)"}))
-        assert name in of_moment(session)["taught"]["classes"][0]["holds"]
+        assert name in known(session)["Held"]["holds"]
 
 
 def test_who_has_no_words_is_told_why(semantic_run):

@@ -14,7 +14,7 @@ from semrl.evaluation.scores import EVALUATION_SEED
 from semrl.watch import session as sessions
 from semrl.watch.keys import action_for, keys_of
 from semrl.watch.session import WatchSession
-from semrl.watch.snapshot import about, of_moment, picture
+from semrl.watch.snapshot import about, objects_between, of_moment, picture
 
 
 def of(step):
@@ -179,3 +179,23 @@ def test_a_moment_is_filmed(session, tmp_path):
         session.step()
     session.write_video(tmp_path / "x.gif", 100)
     assert (tmp_path / "x.gif").read_bytes().startswith(b"GIF89a")
+
+
+def test_boxes_between_two_moments_are_on_their_way(session):
+    moved = 0
+    for _ in range(12):
+        before = {one["name"].partition(":")[0]: one["box"] for one in of_moment(session)["objects"]}
+        session.step()
+        now = of_moment(session)["objects"]
+        half, end = objects_between(session, 0.5), objects_between(session, 1.0)
+        assert np.allclose([one["box"] for one in end], [one["box"] for one in now])
+        for one, middle in zip(now, half, strict=True):
+            start = before.get(one["name"].partition(":")[0], one["box"])
+            assert middle["box"] == pytest.approx(
+                [(a + b) / 2 for a, b in zip(start, one["box"], strict=True)], abs=1e-4
+            )
+            moved += start != one["box"]
+        assert len(session.frames_between) == 3
+    assert moved
+    session.back()
+    assert session.frames_between == []

@@ -1,7 +1,6 @@
 """Environments (§3.1): whatever Gymnasium can make and show, Atari games first."""
 
 import contextlib
-from collections import deque
 from dataclasses import dataclass, replace
 from typing import Any, get_args
 
@@ -78,6 +77,11 @@ class FrameSkip(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs
         Of these, so many at the end are pooled.
     pooling
         How. For the farthest from the background, the environment is played at random first; reset it afterwards.
+
+    Attributes
+    ----------
+    seen : list
+        What the environment showed at each frame of the newest step.
     """
 
     def __init__(self, env: Env, frames: int, max_frames: int = 1, pooling: Pooling = "brightest") -> None:
@@ -87,17 +91,18 @@ class FrameSkip(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs
         self.pooling = pooling
         self.frames = frames
         self.max_frames = max_frames
+        self.seen: list[Any] = []
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Repeat the action; see `gymnasium.Env.step`."""
-        total, last = 0.0, deque[Any](maxlen=self.max_frames)
+        total, self.seen = 0.0, []
         for _ in range(self.frames):
             observation, reward, terminated, truncated, info = self.env.step(action)
-            last.append(observation)
+            self.seen.append(observation)
             total += float(reward)
             if terminated or truncated:
                 break
-        return self._pooled(list(last)), total, terminated, truncated, info
+        return self._pooled(self.seen[-self.max_frames :]), total, terminated, truncated, info
 
     def _pooled(self, last: list[Any]) -> Any:
         if len(last) == 1:
@@ -125,7 +130,11 @@ class NoopStart(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs
 
 
 def make_env(
-    env: str | Env = "PongNoFrameskip-v4", config: EnvironmentConfig | None = None, *, render_mode: str | None = None
+    env: str | Env = "PongNoFrameskip-v4",
+    config: EnvironmentConfig | None = None,
+    *,
+    render_mode: str | None = None,
+    every_frame: bool = False,
 ) -> Env:
     """Make a ready-to-play environment: RGB frames, frame skip, no-op starts, sticky actions, chosen actions.
 
@@ -140,6 +149,8 @@ def make_env(
         How it is played; the default is the thesis's.
     render_mode
         Gymnasium's, for those who film or watch: ``"rgb_array"`` or ``"human"``.
+    every_frame
+        Whether `newest_frames` is to be asked: no emulator then skips frames by itself. The game is the same.
 
     Raises
     ------
@@ -165,7 +176,7 @@ def make_env(
         return _ready(env, config, skips=False)
     spec = find_spec(env)
     # The emulator skips frames and repeats actions itself, several times faster than a wrapper.
-    skips = is_atari(spec) and config.max_frames == 1 and not config.variant
+    skips = is_atari(spec) and config.max_frames == 1 and not config.variant and not every_frame
     made = make_seen(spec, render_mode, **(_emulated(config, skips=skips) if is_atari(spec) else {}))
     try:
         return _ready(made, config, skips=skips)
@@ -182,6 +193,16 @@ def pooled_frames(env: Env) -> tuple[int, Pooling]:
             return min(layer.max_frames, layer.frames), layer.pooling
         layer = layer.env
     return 1, "brightest"
+
+
+def newest_frames(env: Env) -> list[Any]:
+    """Return what was shown at every frame of the newest decision; nothing where frames are skipped unseen."""
+    layer = env
+    while isinstance(layer, gym.Wrapper):
+        if isinstance(layer, FrameSkip):
+            return list(layer.seen)
+        layer = layer.env
+    return []
 
 
 def blinking(env: Env, skip: int) -> float:

@@ -62,8 +62,11 @@ class Player:
         tested = self.config.evaluation.variant
         return self.config.environment.variant if tested is None else tested
 
-    def new_env(self) -> Env:
-        """Make the environment that it was trained on, begun and played as evaluation wants it; close it after use."""
+    def new_env(self, *, every_frame: bool = False) -> Env:
+        """Make the environment that it was trained on, begun and played as evaluation wants it; close it after use.
+
+        With `every_frame`, `newest_frames` tells what was shown between two decisions.
+        """
         tested, environment = self.config.evaluation, self.config.environment
         sticky = environment.sticky_actions if tested.sticky_actions is None else tested.sticky_actions
         played = replace(
@@ -72,7 +75,7 @@ class Player:
             sticky_actions=sticky,
             variant=self.variant,
         )
-        return make_env(self.config.env, played)
+        return make_env(self.config.env, played, every_frame=every_frame)
 
     def new_game(self, seed: int) -> Game:
         """Make a game of its own in such an environment."""

@@ -5,15 +5,18 @@ import json
 import queue
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
+from semrl.core import Frame
 from semrl.core.errors import SemrlError, UsageError
 from semrl.training.session import limited_threads
 from semrl.watch.session import WatchSession
-from semrl.watch.snapshot import about, of_moment, picture
+from semrl.watch.snapshot import about, objects_between, of_moment, picture
 from semrl.watch.teaching import edit_of
 
 SLOWEST, FASTEST = 0.1, 20.0
@@ -59,6 +62,7 @@ class Driver:
         self.trouble: str | None = None
         self.per_second = _decisions_per_second(session)
         self._orders: queue.SimpleQueue[tuple[Callable[[], Any], Future[Any]] | None] = queue.SimpleQueue()
+        self._film: deque[tuple[float, Callable[[], Shown]]] = deque()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="watch", daemon=True)
         self.commands: dict[str, Callable[[Any], object]] = {
@@ -126,14 +130,48 @@ class Driver:
     def _go_on(self) -> None:
         due, last_shown = time.monotonic(), 0.0
         self.on_shown(self.shown())
-        while self._serve(due - time.monotonic() if self.playing else None):
+        while self._serve(self._next(due) - time.monotonic() if self.playing else None):
             now = time.monotonic()
+            if self._film and self.playing and now >= self._film[0][0]:
+                self.on_shown(self._film.popleft()[1]())
+                last_shown = now
             if self.playing and now >= due:
+                if self._film:  # late: what is left of it would be over before its end is shown
+                    self.on_shown(self.shown())
                 self._step()
-                due = max(due + 1 / (self.per_second * self.speed), now - 0.1)  # what was missed is not made up for
-            if not self.playing or now - last_shown >= 1 / PICTURES_PER_SECOND:
+                seconds = 1 / (self.per_second * self.speed)
+                due = max(due + seconds, now - 0.1)  # what was missed is not made up for
+                self._film = self._filmed(now, seconds)
+            if not self.playing:
+                self._film.clear()
+            if not self._film and (not self.playing or now - last_shown >= 1 / PICTURES_PER_SECOND):
                 self.on_shown(self.shown())
                 last_shown = now
+
+    def _next(self, due: float) -> float:
+        """Return when there is something to do: a decision that is due, or a picture before it."""
+        return min(due, self._film[0][0]) if self._film else due
+
+    def _filmed(self, began: float, seconds: float) -> deque[tuple[float, Callable[[], Shown]]]:
+        """Spread what was shown during a decision over the time until the next one, its own moment the last.
+
+        There is nothing to spread where decisions come as fast as pictures can be shown.
+        """
+        frames = self.session.frames_between
+        count = min(len(frames) + 1, int(PICTURES_PER_SECOND * seconds))
+        if count < 2 or time.monotonic() - began > seconds:
+            return deque()
+        film: deque[tuple[float, Callable[[], Shown]]] = deque()
+        for i in range(1, count):
+            place = i * (len(frames) + 1) // count
+            film.append((began + (i - 1) * seconds / count, partial(self._between, frames[place - 1], i / count)))
+        film.append((began + (count - 1) * seconds / count, self.shown))
+        return film
+
+    def _between(self, frame: Frame, share: float) -> Shown:
+        """Return a picture between two moments, with the boxes so far on their way."""
+        told = {"type": "between", "objects": objects_between(self.session, share)}
+        return Shown(text=json.dumps(told, allow_nan=False), picture=picture(frame))
 
     def _step(self) -> None:
         """Play on, or stand still and say why that cannot be."""

@@ -9,9 +9,10 @@ from typing import Literal
 
 import numpy as np
 
-from semrl.core import Sight
+from semrl.core import Frame, Sight
 from semrl.core.errors import UsageError
 from semrl.envs import Game
+from semrl.envs.environment import newest_frames
 from semrl.evaluation.explaining import explain_played
 from semrl.evaluation.explanation import Explanation
 from semrl.evaluation.player import Player, Policy, evaluation_game
@@ -118,7 +119,7 @@ class WatchSession:
         self._kept: deque[Moment] = deque()
         self._behind = 0
         self._by: Decider | None = None
-        self._env = player.new_env()
+        self._env = player.new_env(every_frame=True)
         self._begin(episode)
 
     def close(self) -> None:
@@ -134,6 +135,11 @@ class WatchSession:
     def kept(self) -> tuple[int, int]:
         """Numbers of the oldest and the newest moment that are kept."""
         return self._kept[0].number, self._kept[-1].number
+
+    @property
+    def frames_between(self) -> list[Frame]:
+        """What the game showed between the newest decision and the one before."""
+        return newest_frames(self._env)[:-1] if self._by is not None and not self._behind else []
 
     def decide_by(self, policy: Policy) -> None:
         """Let agent or planner decide from here on.
@@ -252,6 +258,7 @@ class WatchSession:
         write_video(path, self.player.encoder.space, ((m.step, m.sight) for m in self.before(count)))
 
     def _begin(self, episode: int) -> None:
+        self._by = None
         self.teaching.begin()
         self.player = self.teaching.player()
         game, self._rng = evaluation_game(self._env, episode, self.seed)

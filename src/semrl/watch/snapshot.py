@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 
 from semrl import __version__
-from semrl.core import IMAGE_SIZE_PX, Floats, Frame, MapGraph, Plan
+from semrl.core import IMAGE_SIZE_PX, Floats, Frame, MapGraph, Plan, Sight
 from semrl.evaluation.rules import unit_of
 from semrl.evaluation.sight import CLASS_COLOURS
 from semrl.evaluation.video import imagined_ways
-from semrl.knowledge.edits import standing
+from semrl.knowledge.edits import enabled_forbidden, standing
 from semrl.planning import reason
 from semrl.training.loop import Step
 from semrl.watch.session import WatchSession
@@ -73,7 +73,7 @@ def of_moment(session: WatchSession) -> dict[str, Any]:
         "over": step.done,
         "person": session.person,
         "policy": session.policy,
-        "objects": _objects(session),
+        "objects": _boxed(moment.sight),
         "facts": _facts(session),
         "values": _values(session),
         "plan": _plan(session),
@@ -141,9 +141,25 @@ def _flattened(means: Floats | np.ndarray[Any, np.dtype[np.float64]]) -> np.ndar
     return np.asarray((apart / np.maximum(apart.max(axis=0), 1e-12) + even) / 2)
 
 
-def _objects(session: WatchSession) -> list[dict[str, Any]]:
+def objects_between(session: WatchSession, share: float) -> list[dict[str, Any]]:
+    """Tell the objects of what is shown as they were on their way there from the decision before, 0 … 1 of it."""
+    before, now = _boxed(session.before(1)[0].sight), _boxed(session.moment.sight)
+    came = {_track(one): one["box"] for one in before}
+    return [
+        one
+        if (start := came.get(_track(one))) is None
+        else {**one, "box": [round(a + share * (b - a), 4) for a, b in zip(start, one["box"], strict=True)]}
+        for one in now
+    ]
+
+
+def _track(told: dict[str, Any]) -> str:
+    """Return what an object is called, without the kind that it looks like."""
+    return str(told["name"]).partition(":")[0] or f"of kind {told['kind']}"
+
+
+def _boxed(sight: Sight) -> list[dict[str, Any]]:
     """Tell boxes as shares of the frame: left, top, width, height."""
-    sight = session.moment.sight
     boxes = np.round(sight.boxes_px[:, [1, 0, 3, 2]] / IMAGE_SIZE_PX, 4).tolist()
     kinds = sight.classes.tolist() or [None] * len(boxes)
     names = sight.names or ("",) * len(boxes)
@@ -191,8 +207,20 @@ def _plan(session: WatchSession) -> dict[str, Any] | None:
     return {
         "scenarios": [_scenario(plan, i, names) for i in np.sort(different)[:SCENARIOS_SHOWN].tolist()],
         "compared": len(plan.scenarios),
-        "reason": reason(plan),
+        "reason": _reason(session, plan),
     }
+
+
+def _reason(session: WatchSession, plan: Plan) -> str:
+    """Say why the first scenario is the first: by the goal, what is forbidden, or the thesis's order."""
+    pursuit, known = session.moment.pursuit, session.teaching.known
+    if pursuit is not None and pursuit.state == "sought":
+        if pursuit.ahead is None:
+            return "No scenario reaches the goal; scenario 1 comes closest to it."
+        return f"Scenario 1 reaches the goal soonest, after {pursuit.ahead} of its decisions."
+    if known is not None and enabled_forbidden(known):
+        return "Scenario 1 is the best of those that keep out of the forbidden classes most and longest."
+    return reason(plan)
 
 
 def _scenario(plan: Plan, i: int, names: tuple[str, ...]) -> dict[str, Any]:

@@ -66,39 +66,56 @@ function drawBox(pen, { box, kind, name }, width, height, about, named) {
   pen.fillText(shown, x, y);
 }
 
-export function drawMap(canvas, map, place) {
-  const [pen, width, height] = fitted(canvas);
-  const at = (i) => [8 + map.x[i] * (width - 16), 8 + map.y[i] * (height - 16)];
-  const line = (ends) => {
-    pen.beginPath();
-    for (const [a, b] of ends) {
-      pen.moveTo(...at(a));
-      pen.lineTo(...at(b));
-    }
-    pen.stroke();
-  };
-  pen.lineWidth = 1;
+let drawn = { key: "", layer: null }; // the map without where we are: drawn once for a size and a scheme
+
+function mapLayer(canvas, map, width, height) {
+  const key = [canvas.width, canvas.height, css("--chart")].join();
+  if (drawn.key === key) return drawn.layer;
+  const layer = new OffscreenCanvas(canvas.width, canvas.height);
+  const pen = layer.getContext("2d");
+  const ratio = window.devicePixelRatio || 1;
+  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   pen.strokeStyle = css("--faint");
   pen.globalAlpha = 0.35;
-  line(map.edges);
+  line(pen, map, map.edges, width, height);
   pen.globalAlpha = 1;
-  const dot = (i, colour, size) => {
-    pen.fillStyle = colour;
-    pen.beginPath();
-    pen.arc(...at(i), size, 0, 7);
-    pen.fill();
-  };
-  const [plain, gain, accent] = [css("--chart"), css("--gain"), css("--accent")];
-  map.node.forEach((_, i) => dot(i, map.gain[i] ? gain : plain, map.gain[i] ? 3 : 1.6));
+  const [plain, gain] = [css("--chart"), css("--gain")];
+  map.node.forEach((_, i) => dot(pen, at(map, i, width, height), map.gain[i] ? gain : plain, map.gain[i] ? 3 : 1.6));
+  drawn = { key, layer };
+  return layer;
+}
+
+const at = (map, i, width, height) => [8 + map.x[i] * (width - 16), 8 + map.y[i] * (height - 16)];
+
+function line(pen, map, ends, width, height) {
+  pen.beginPath();
+  for (const [a, b] of ends) {
+    pen.moveTo(...at(map, a, width, height));
+    pen.lineTo(...at(map, b, width, height));
+  }
+  pen.stroke();
+}
+
+function dot(pen, place, colour, size) {
+  pen.fillStyle = colour;
+  pen.beginPath();
+  pen.arc(...place, size, 0, 7);
+  pen.fill();
+}
+
+export function drawMap(canvas, map, place) {
+  const [pen, width, height] = fitted(canvas);
+  pen.drawImage(mapLayer(canvas, map, width, height), 0, 0, width, height);
   if (!place) return;
   const where = new Map(map.node.map((node, i) => [node, i]));
   const path = place.path.map((node) => where.get(node)).filter((i) => i !== undefined);
+  const accent = css("--accent");
   pen.strokeStyle = accent;
   pen.lineWidth = 2;
-  line(path.slice(1).map((b, i) => [path[i], b]));
+  line(pen, map, path.slice(1).map((b, i) => [path[i], b]), width, height);
   const here = where.get(place.node);
   if (here === undefined) return;
-  dot(here, accent, 6);
+  dot(pen, at(map, here, width, height), accent, 6);
   pen.strokeStyle = css("--card");
   pen.stroke();
 }

@@ -54,6 +54,7 @@ export function showTeaching(goal, taught, showStrip) {
 
 function showGoal({ goal, state, decisions, done, ahead, distance }) {
   text("goal-text", goal);
+  $("goal-text").hidden = goal === $("goal").value;
   $("goal-done").value = done;
   const far = distance === null ? "" : distance === 0 ? " Its best plan meets what is sought next." : ` Its best plan stays ${number(distance, 1)} % of the image from what is sought next.`;
   const says = {
@@ -78,13 +79,13 @@ function classRow() {
   return make("li", make("label", box, make("b"), make("span")), make("span"));
 }
 
-function showClass(row, { name, condition, forbidden, on, holds }) {
+function showClass(row, { name, condition, comment, forbidden, on, holds }) {
   const [label, tag] = row.children;
   const [box, head, is] = label.children;
   box.dataset.name = name;
   if (document.activeElement !== box) box.checked = on;
   if (head.textContent !== name) head.textContent = name;
-  is.textContent = ` ${condition}`;
+  is.textContent = ` ${condition}${comment ? ` – ${comment}` : ""}`;
   const now = Array.isArray(holds) ? holds.join(", ") : holds ? "holds now" : "";
   tag.textContent = [forbidden ? "forbidden" : "", on ? now : "off"].filter(Boolean).join(" · ");
   row.className = `${on ? "" : "off"} ${forbidden && holds === true ? "entered" : ""}`;

@@ -5,7 +5,8 @@ import { $, fill, make, number, text } from "./page.js";
 import { answered, askable, showTeaching } from "./teaching.js";
 
 const MAX_CURVE = 600;
-let about = null, moment = null, bitmap = null, socket = null, due = false;
+const PANELS_MS = 100; // nobody reads numbers thirty times a second, and laying them out costs
+let about = null, moment = null, between = null, bitmap = null, socket = null, due = false, panels = 0, late = 0;
 const curve = new Map(); // number of the moment -> return
 const held = new Set();
 
@@ -33,6 +34,11 @@ async function receive(data) {
   const told = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
   const picture = await createImageBitmap(new Blob([new Uint8Array(data, 4 + length)]));
   if (bitmap) bitmap.close();
+  if (told.type === "between") {
+    [between, bitmap] = [told.objects, picture];
+    return refresh();
+  }
+  between = null;
   if (!moment && told.newest === 0 && !matchMedia("(prefers-reduced-motion: reduce)").matches) say("play");
   [moment, bitmap] = [told, picture];
   remember(told);
@@ -84,9 +90,18 @@ function remember(told) {
 
 function show() {
   const m = moment;
-  drawScreen($("screen"), bitmap, m, about, {
+  drawScreen($("screen"), bitmap, between ? { ...m, objects: between } : m, about, {
     boxes: $("draw-boxes").checked, names: $("draw-names").checked, ways: $("draw-ways").checked, trail: $("draw-trail").checked,
   });
+  clearTimeout(late);
+  const wait = m.playing ? panels + PANELS_MS - performance.now() : 0;
+  if (wait > 0) late = setTimeout(showPanels, wait);
+  else showPanels();
+}
+
+function showPanels() {
+  const m = moment;
+  panels = performance.now();
   text("return", number(m.return));
   text("episode", m.episode);
   text("decision", m.decision + (m.over ? " (over)" : ""));
