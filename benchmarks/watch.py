@@ -40,6 +40,7 @@ CanvasRenderingContext2D.prototype.drawImage = function (...rest) {
 """
 SIZES = {"desk": (1280, 900), "tablet": (768, 1024), "phone": (390, 844)}
 """Names of pictures, and how wide and high the window is."""
+TALLEST_PX = 2000
 LOADING_SECONDS = 120
 TICKS = os.sysconf("SC_CLK_TCK")
 
@@ -208,9 +209,9 @@ def _take_pictures(browser: webdriver.Chrome, folder: Path) -> None:
 
 
 def _whole(browser: webdriver.Chrome) -> dict[str, float]:
-    """Return where the page is, down to its end."""
+    """Return where the page is, down to its end or to the goal and what it knows."""
     width, height = browser.execute_script("return [innerWidth, document.documentElement.scrollHeight]")
-    return {"x": 0, "y": 0, "width": width, "height": height, "scale": 1}
+    return {"x": 0, "y": 0, "width": width, "height": min(height, TALLEST_PX), "scale": 1}
 
 
 def _until(browser: webdriver.Chrome, script: str) -> None:
