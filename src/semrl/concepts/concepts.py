@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from semrl.concepts.counting import LABELS_A_KIND, STEP_PX, Counts, count, no_counts, widened
+from semrl.concepts.counting import GROUND_WAY, LABELS_A_KIND, STEP_PX, Counts, count, no_counts, widened
 from semrl.core import ConceptTable, Floats, Ints
 from semrl.core.arrays import Arrays
 from semrl.core.errors import UsageError
@@ -18,6 +18,8 @@ NO_CONCEPT = -1
 
 _OUTLIERS = 0.01
 """Share of the places of a concept beyond each of its bounds: some are mistakes."""
+
+_SAME_PX = 0.3
 
 _MEASURES = 6, 841  # see Counts.measures
 
@@ -39,13 +41,15 @@ class ConceptsConfig:
     """Fewest sightings of a concept."""
     rare_share: float = 0.002
     """What is seen at a smaller share of the decisions is no concept."""
+    least_touches: int = 3
+    """Fewest touches from which it is told whether the ground blocks, or is lost when it is touched."""
 
     def __post_init__(self) -> None:
         for name in ("merge_share", "together_share", "rare_share"):
             if not 0 <= getattr(self, name) <= 1:
                 raise UsageError(f"concepts.{name} must lie in 0 … 1, not {getattr(self, name)}")
-        if min(self.least_switches, self.least_seen) < 1:
-            raise UsageError("concepts.least_switches and least_seen must be 1 or more")
+        if min(self.least_switches, self.least_seen, self.least_touches) < 1:
+            raise UsageError("concepts.least_switches, least_seen and least_touches must be 1 or more")
 
 
 class Concepts:
@@ -53,7 +57,8 @@ class Concepts:
 
     A thing's *label* is its class (§3.2.2) together with whether it stays where it is and whether actions move it.
     Labels of one way of moving become one concept when tracks switch between them: a paddle looks another way where the
-    edge of the arena hides a part of it. A number stays with its concept while more is learned.
+    edge of the arena hides a part of it. A number stays with its concept while more is learned. Each colour of the
+    ground is a concept too; what comes of touching it tells whether it matters.
 
     Parameters
     ----------
@@ -67,7 +72,10 @@ class Concepts:
     number_of_ : ndarray
         ``(l,)`` int64, the concept of each label, −1 for none; see `semrl.concepts.counting`.
     families_ : ndarray
-        ``(c,)`` int64: concepts that look alike, whether actions move them or not, are of one family.
+        ``(c,)`` int64: concepts that look alike, whether actions move them or not, are of one family; of the ground,
+        what is lost when it is touched, and what blocks.
+    blocks_, is_lost_ : ndarray
+        ``(c,)`` bool: ground that mostly stops what touches it, and of which a piece is mostly gone then.
     sizes_px_ : ndarray
         ``(c, 2)`` float32, commonest width and height.
     bounds_px_ : ndarray
@@ -135,7 +143,8 @@ class Concepts:
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Take over what `to_arrays` returned."""
-        counts = Counts(*(arrays[name].copy() for name in Counts._fields))
+        known = no_counts(len(arrays["seen"]))._asdict() | arrays  # older checkpoints counted no touches
+        counts = Counts(*(known[name].copy() for name in Counts._fields))
         self._counts, self.decisions_ = counts, int(arrays["decisions"])
         self._settle(arrays["number_of"].copy(), int(arrays["numbers"]))
 
@@ -196,16 +205,34 @@ class Concepts:
         self._used = np.array([bool(group) for group in self._groups], np.bool_)
         flags = np.array([group[0] % LABELS_A_KIND if group else 0 for group in self._groups], np.int64)
         self.static_: NDArray[np.bool_] = flags >= 2
-        self.controlled_: NDArray[np.bool_] = flags % 2 == 1
+        self.controlled_: NDArray[np.bool_] = flags == 1
+        self._ground: NDArray[np.bool_] = flags == GROUND_WAY
         measured = np.array([n.measures[group].sum(axis=0) for group in self._groups]).reshape(numbers, *_MEASURES)
         self.sizes_px_: Floats = (measured[:, 4:].argmax(axis=2) * STEP_PX).astype(np.float32)
         self.bounds_px_: Floats = np.concatenate(
             [_quantile(measured[:, :2], _OUTLIERS), _quantile(measured[:, 2:4], 1 - _OUTLIERS)], axis=1
         )
+        self.blocks_, self.is_lost_ = self._uses()
         self.families_ = self._alike()
 
+    def _uses(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Tell which ground blocks, and which is lost when it is touched.
+
+        What was hardly touched yet is taken for what has pieces as thick: bricks of another colour.
+        """
+        touches = np.array([self._counts.touches[group].sum(axis=0) for group in self._groups]).reshape(-1, 3)
+        thick = self.sizes_px_.min(axis=1)
+        often = self._ground & (touches[:, 0] >= self.config.least_touches)
+        blocks, is_lost = (often & (2 * touches[:, k] >= touches[:, 0]) for k in (1, 2))
+        for number in np.flatnonzero(self._ground & ~often):
+            same = often & (np.abs(thick - thick[number]) <= _SAME_PX)
+            if same.any():
+                most = int(np.where(same, touches[:, 0], -1).argmax())
+                blocks[number], is_lost[number] = blocks[most], is_lost[most]
+        return blocks, is_lost
+
     def _alike(self) -> Ints:
-        """Number the families: concepts that stay, or move, alike and look alike half of the time."""
+        """Number the families: what moves, or stays, alike and looks alike half of the time; ground by its use."""
         looks = np.zeros((self._numbers, len(self.number_of_) // LABELS_A_KIND + 1))
         for number, group in enumerate(self._groups):
             for label in group:
@@ -214,10 +241,21 @@ class Concepts:
         families = np.arange(self._numbers)
         for i in range(self._numbers):
             for j in range(i):
-                if self.static_[i] == self.static_[j] and np.minimum(looks[i], looks[j]).sum() >= 0.5:
+                if self._ground[i] or self._ground[j]:
+                    alike = self._used_alike(i, j)
+                else:
+                    alike = self.static_[i] == self.static_[j] and np.minimum(looks[i], looks[j]).sum() >= 0.5
+                if alike:
                     families[i] = families[j]
                     break
         return families
+
+    def _used_alike(self, i: int, j: int) -> bool:
+        """Tell whether two concepts are ground that is lost when it is touched, or that blocks and stays."""
+        if not (self._ground[i] and self._ground[j]):
+            return False
+        lost, blocks = self.is_lost_[[i, j]], self.blocks_[[i, j]]
+        return bool(lost.all() or (blocks.all() and not lost.any()))
 
 
 def _quantile(counted: NDArray[np.int32], share: float) -> Floats:

@@ -9,12 +9,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from semrl.concepts.touching import count_touches
 from semrl.core import Floats, Ints
 from semrl.core.kernels import compiled
-from semrl.core.things import ID, KIND, LEFT, OWN, STILL
+from semrl.core.things import GROUND, ID, KIND, LEFT, OWN, STILL
 
 LABELS_A_KIND = 4
-"""A kind that stays or moves, by itself or by actions."""
+"""A kind that moves, by itself or by actions, or stays; and a colour of the background."""
+
+GROUND_WAY = 3
+"""What is left of a label of the ground when it is divided by this many."""
 
 STEP_PX = 0.1
 _STEPS = 841  # the whole image
@@ -35,19 +39,21 @@ class Counts(NamedTuple):
     """``(l, l)`` int64: decisions at which things of both were seen."""
     measures: NDArray[np.int32]
     """``(l, 6, 841)`` int32: things of each left, top, right, bottom, width and height, in tenths of a pixel."""
+    touches: NDArray[np.int64]
+    """``(l, 3)`` int64, of labels of the ground: how often it was touched, stopped what did, was lost then."""
 
 
 def no_counts(labels: int) -> Counts:
     """Return the counts of so many labels before anything was seen."""
     one, two = np.zeros(labels, np.int64), np.zeros((labels, labels), np.int64)
     measures = np.zeros((labels, 6, _STEPS), np.int32)
-    return Counts(one, two, one.copy(), one.copy(), two.copy(), measures)
+    return Counts(one, two, one.copy(), one.copy(), two.copy(), measures, np.zeros((labels, 3), np.int64))
 
 
 def widened(counts: Counts, labels: int) -> Counts:
     """Return the same counts with room for more labels."""
     new, k = no_counts(labels), len(counts.seen)
-    for name in ("seen", "begins", "ends", "measures"):
+    for name in ("seen", "begins", "ends", "measures", "touches"):
         getattr(new, name)[:k] = getattr(counts, name)
     new.follows[:k, :k], new.together[:k, :k] = counts.follows, counts.together
     return new
@@ -58,7 +64,8 @@ def labels_of(things: Floats) -> Ints:
     """Return the label of each of ``(n, 9)`` things, ``(n,)`` int64."""
     labels = np.empty(len(things), np.int64)
     for i in range(len(things)):
-        labels[i] = int(things[i, KIND]) * 4 + int(things[i, STILL]) * 2 + int(things[i, OWN])
+        way = 3 if things[i, STILL] == GROUND else int(things[i, STILL]) * 2 + int(things[i, OWN])
+        labels[i] = int(things[i, KIND]) * 4 + way
     return labels
 
 
@@ -66,6 +73,7 @@ def labels_of(things: Floats) -> Ints:
 def count(things: Floats, ends: Ints, counts: Counts) -> None:
     """Count an episode, in place: ``(n, 9)`` things, those of each decision behind each other, up to its end."""
     labels = labels_of(things)
+    count_touches(things, labels, ends, counts.touches)
     n = len(counts.seen)
     before, now = np.zeros(n, np.int64), np.zeros(n, np.int64)
     old_begin, begin = 0, 0
@@ -76,10 +84,9 @@ def count(things: Floats, ends: Ints, counts: Counts) -> None:
             now[labels[i]] += 1
             _measure(things[i], labels[i], counts)
         for i in range(begin, end):
-            for j in range(i):
-                if begin <= j:
-                    counts.together[labels[i], labels[j]] += 1
-                    counts.together[labels[j], labels[i]] += 1
+            for j in range(begin, i):
+                counts.together[labels[i], labels[j]] += 1
+                counts.together[labels[j], labels[i]] += 1
         if t:
             _compare(things, labels, (old_begin, begin, end), (before, now), counts)
         before[:] = now

@@ -9,7 +9,7 @@ from semrl.concepts.concepts import Concepts
 from semrl.concepts.counting import labels_of
 from semrl.core import Floats, Ints, Scene
 from semrl.core.kernels import compiled
-from semrl.core.things import ID, KIND, LEFT, SLOT, no_things
+from semrl.core.things import GROUND, ID, KIND, LEFT, SLOT, STILL, no_things
 
 CONCEPT, X, Y, WIDTH, HEIGHT, VX, VY, VX_1, VY_1, VX_2, VY_2, AGE, IDENTITY, PLACE = range(14)
 """Columns of an object: concept (−1: none any more), centre and size of its whole box, velocity, those one and two
@@ -99,9 +99,11 @@ def objects_of(things: Floats, ends: Ints, fresh: Ints, typical: Typical) -> Flo
             if concept < 0 and before >= 0:  # a rare look: it is what it was
                 concept = int(objects[before, CONCEPT])
             objects[i, CONCEPT], objects[i, IDENTITY], objects[i, PLACE] = concept, things[i, ID], things[i, SLOT]
-            _complete(objects[i], things[i], concept, typical)
+            _complete(objects[i], things[i], -1 if things[i, STILL] == GROUND else concept, typical)
             if before >= 0:
                 _move(objects[i], objects[before])
+            if things[i, STILL] == GROUND:  # where a piece is lost what is left of it does not move
+                objects[i, VX : VY_2 + 1] = 0
         old_begin, begin = begin, ends[t]
     return objects
 

@@ -9,6 +9,9 @@ ID, KIND, STILL, OWN, SLOT, LEFT, TOP, RIGHT, BOTTOM = range(9)
 """Columns of a thing: identity in the episode, class number (§3.2.2), 1 if it stays where it is, 1 if actions move it,
 its place in the list of tracked objects (−1: none), its edges in pixels of the 84×84 image, the last two exclusive."""
 
+GROUND = 2
+"""In place of 1 in the column `STILL`: a piece of the background, of which the class number is that of its colour."""
+
 COLUMNS = 9
 
 SLOT_NUMBERS = 3

@@ -13,6 +13,7 @@ from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.memo import Memo
 from semrl.core.protocols import Persistent
 from semrl.perception.config import CLUSTERERS, EMBEDDERS, REDUCERS, PerceptionConfig, make_detector
+from semrl.perception.detection import ForegroundDetector, Ground
 from semrl.perception.embedding import Scenery, build_scene_graph
 from semrl.perception.embedding.protocol import Embedder
 from semrl.perception.tracking import Jumps, SlotAssigner, follow, no_tracks
@@ -48,8 +49,17 @@ class Perception:
         self.jumps = Jumps(config.tracking.gate_px)
         self.slot_assigner = SlotAssigner(config.slot_assigner)
         self._embedder = EMBEDDERS.make(config.embedder, config) if embedded else None
+        self._ground: Ground | None = None
         self._known = Memo(self._classify, self.detector.crop_size_px**2, np.int32)  # the bits of a crop → its class
         self._learned: tuple[object, object] | None = None
+
+    @property
+    def ground(self) -> Ground | None:
+        """What stands still, found in the background; None where the detector knows no background (yet)."""
+        detector = self.detector
+        if self._ground is None and isinstance(detector, ForegroundDetector) and detector.is_fitted:
+            self._ground = Ground(detector.background_, detector.config.contrast)
+        return self._ground
 
     @property
     def embedder(self) -> Embedder:
@@ -109,6 +119,7 @@ class Perception:
         """Take over what every box has learned."""
         for name, box in self._boxes().items():
             box.from_arrays(unnest(arrays, name))
+        self._ground = None
 
     def _boxes(self) -> dict[str, Persistent]:
         boxes: dict[str, Persistent] = {

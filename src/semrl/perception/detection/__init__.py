@@ -1,6 +1,7 @@
 """Which pixels are an object (§3.2.1)."""
 
 from semrl.perception.detection.foreground import ForegroundConfig, ForegroundDetector
+from semrl.perception.detection.ground import Ground
 from semrl.perception.detection.labels import label_image
 from semrl.perception.detection.otsu import DetectionConfig, OtsuDetector
 from semrl.perception.detection.segmentation import KMeansDetector, KMeansDetectorConfig
@@ -9,6 +10,7 @@ __all__ = [
     "DetectionConfig",
     "ForegroundConfig",
     "ForegroundDetector",
+    "Ground",
     "KMeansDetector",
     "KMeansDetectorConfig",
     "OtsuDetector",

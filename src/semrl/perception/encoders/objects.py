@@ -59,12 +59,18 @@ class TrackedEpisode:
     def __init__(self, perception: Perception, write: Callable[[Floats, Floats], State]) -> None:
         self._perception = perception
         self._write = write
+        self._ground = perception.ground
+        self._there = self._ground.begin() if self._ground else np.zeros((0, 0), np.bool_)
         self.tracks = perception.begin()
 
     def encode(self, observation: Observation) -> State:
         """Move the tracks on by one observation and list what moves."""
         facts = self.facts(observation)
-        return self._write(facts, self._perception.slot_assigner.things(self.tracks))
+        things = self._perception.slot_assigner.things(self.tracks)
+        if self._ground:
+            self._there = self._ground.look(self._there, observation.frame)
+            things = np.concatenate([things, self._ground.patches(self._there)])
+        return self._write(facts, things)
 
     def facts(self, observation: Observation) -> Floats:
         """Move the tracks on by one observation and return the list, ``(k,)`` float32; see `SlotAssigner.transform`."""
@@ -84,12 +90,13 @@ class TrackedEpisode:
         return Sight(boxes_px=boxes, classes=classes, labels=labels, names=names)
 
     def to_arrays(self) -> Arrays:
-        """Return the tracks."""
-        return nest(tracks=asdict(self.tracks))
+        """Return the tracks, and where the ground is."""
+        return nest(tracks=asdict(self.tracks)) | {"there": self._there}
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Go on with the tracks that were saved."""
         self.tracks = Tracks(**unnest(arrays, "tracks"))
+        self._there = arrays.get("there", self._there)  # older checkpoints knew no ground
 
 
 def listed_space(perception: Perception, before: int = 0) -> StateSpace:

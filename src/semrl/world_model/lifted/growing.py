@@ -10,7 +10,7 @@ from semrl.core.arrays import Arrays
 from semrl.core.kernels import compiled
 from semrl.world_model.cart import bins_of, grow_tree
 from semrl.world_model.lifted.config import LiftedConfig
-from semrl.world_model.lifted.features import ACTION
+from semrl.world_model.lifted.features import ACTION, N_OWN
 from semrl.world_model.lifted.motion import grow_motion
 from semrl.world_model.lifted.play import TARGETS
 from semrl.world_model.tree_kernels import NODE
@@ -19,6 +19,7 @@ Seen = tuple[Floats, Floats]
 """What is asked of the things of one concept, ``(n, f)``, and their targets, ``(n, 7)``."""
 
 _FEWEST = 20  # sightings that trees are grown from
+_GOOD_SHARE = 0.9  # of what the best explains
 
 
 class Member(NamedTuple):
@@ -90,24 +91,33 @@ def grow_member(
     return Member(np.concatenate([np.empty(0, NODE), *trees]), roots)
 
 
-def find_teller(seen: dict[int, Seen], leaf_rows: int) -> int:
-    """Return the concept whose things tell best of rewards, by trees of one half for the other; −1: none."""
-    best, teller = 0.0, -1
-    for concept, (rows, targets) in seen.items():
-        rewards = targets[:, 3].astype(np.float64)
-        if len(rows) < _FEWEST or not rewards.any():
-            continue
-        places, cuts = bins_of(rows)
-        half = np.arange(len(rows)) // min(50, len(rows) // 2) % 2  # neighbours are alike
-        explained = 0.0
-        for fold in (0, 1):
-            nodes = _pruned(grow_tree(places, cuts, rewards, np.flatnonzero(half != fold), leaf_rows), 0.0)
-            tested = half == fold
-            told = _told(nodes, rows[tested])
-            explained += float((rewards[tested] ** 2 - (rewards[tested] - told) ** 2).sum())
-        if explained > best:
-            best, teller = explained, concept
-    return teller
+def find_teller(seen: dict[int, Seen], config: LiftedConfig) -> int:
+    """Return the concept that rewards are credited to, by trees of one half of the play for the other; −1: none.
+
+    Of those whose things tell of rewards nearly as well as the best, it is the one that needs the fewest cuts of what
+    relates it to others: "the ball is beyond its edge" and "the ball is so far from the paddle" may both have held
+    whenever a reward came, and the farther-fetched fails first elsewhere.
+    """
+    told = {concept: _tells(*of, config) for concept, of in seen.items() if len(of[0]) >= _FEWEST and of[1][:, 3].any()}
+    most = max((explained for explained, _ in told.values()), default=0.0)
+    good = [concept for concept, (explained, _) in told.items() if explained > 0 and explained >= _GOOD_SHARE * most]
+    return min(good, key=lambda concept: (told[concept][1], -told[concept][0]), default=-1)
+
+
+def _tells(rows: Floats, targets: Floats, config: LiftedConfig) -> tuple[float, int]:
+    """Return how much of the rewards (squared) trees explain that did not see them, and their cuts of relations."""
+    rewards = targets[:, 3].astype(np.float64)
+    places, cuts = bins_of(rows)
+    half = np.arange(len(rows)) // min(50, len(rows) // 2) % 2  # neighbours are alike
+    explained, related = 0.0, 0
+    for fold in (0, 1):
+        grown = grow_tree(places, cuts, rewards, np.flatnonzero(half != fold), config.leaf_things)
+        nodes = _pruned(grown, config.least_gain)
+        tested = half == fold
+        told = _told(nodes, rows[tested])
+        explained += float((rewards[tested] ** 2 - (rewards[tested] - told) ** 2).sum())
+        related += int(np.count_nonzero(nodes["column"] >= N_OWN))
+    return explained, related
 
 
 def _grow(

@@ -3,7 +3,7 @@
 import numpy as np
 
 from semrl.concepts import Concepts, SceneBuilder
-from semrl.concepts.scenes import AGE, CONCEPT, IDENTITY, VX, VY, X, Y
+from semrl.concepts.scenes import CONCEPT, IDENTITY, VX, VY, X, Y
 from semrl.core import NO_ACTION, Floats, Ints, Trajectory
 from semrl.core.arrays import Arrays
 from semrl.core.kernels import compiled
@@ -66,7 +66,7 @@ class Play:
     def rows(self, objects: Floats, concept: int, kinds: Kinds, discount: float) -> tuple[Floats, Floats]:
         """Return what is asked of each thing of a concept, ``(n, f)``, and `TARGETS`, ``(n, 7)``.
 
-               Of those alone whose velocity is known.
+        Also of what is seen for the first time: how it was served is told by its place.
         The next velocity of what is gone is not a number.
         """
         signs = np.sign(self.rewards).astype(np.float32)
@@ -93,7 +93,7 @@ def _rows(  # noqa: PLR0917 - compiled functions take no keywords
     actions, gains = done
     n = 0
     for i in range(len(objects)):
-        n += objects[i, CONCEPT] == concept and objects[i, AGE] >= 1
+        n += objects[i, CONCEPT] == concept
     rows, targets = np.empty((n, width(relations)), np.float32), np.empty((n, 7), np.float32)
     now = np.empty(PAST_ACTIONS + 1, np.float32)
     n, begin, since = 0, 0, 0
@@ -103,7 +103,7 @@ def _rows(  # noqa: PLR0917 - compiled functions take no keywords
             for k in range(PAST_ACTIONS + 1):
                 now[k] = actions[t - k] if k <= since else NO_ACTION
             for i in range(begin, end):
-                if objects[i, CONCEPT] != concept or objects[i, AGE] < 1:
+                if objects[i, CONCEPT] != concept:
                     continue
                 describe(objects[begin:end], i - begin, now, kinds, rows[n])
                 last = ends[t + 2] if t + 2 < len(ends) and actions[t + 1] >= 0 else after

@@ -5,6 +5,7 @@ from dataclasses import asdict, replace
 from itertools import groupby, islice
 
 import numpy as np
+from numpy.typing import NDArray
 
 from semrl.concepts import Concepts, SceneBuilder
 from semrl.concepts.scenes import CONCEPT, PLACE, WIDTH, X
@@ -174,7 +175,9 @@ class LiftedWorld:
         objects = self.play.objects(self.concepts)
         kinds, numbers = self._relations(objects)  # there may be more concepts than when the trees were grown
         families = [
-            " or ".join(table.names[k] for k in np.flatnonzero(kinds.moving & (alike == alike[number])))
+            " or ".join(
+                table.names[k] for k in np.flatnonzero((kinds.moving | self._matters) & (alike == alike[number]))
+            )
             for number in numbers
         ]
         counts = np.bincount(objects[objects[:, CONCEPT] >= 0, CONCEPT].astype(np.int64), minlength=len(table))
@@ -227,7 +230,7 @@ class LiftedWorld:
         }
 
     def _relations(self, objects: Floats) -> tuple[Kinds, Ints]:
-        """Choose the families that things are related to: those that move, the commonest first."""
+        """Choose the families that things are related to: the commonest that move, and ground that matters."""
         c = self.concepts
         used = np.array([bool(kinds) for kinds in c.table_.kinds], np.bool_)
         moving = used & ~c.static_
@@ -235,11 +238,17 @@ class LiftedWorld:
         totals = np.zeros(len(c), np.int64)
         np.add.at(totals, c.families_[moving], counts[moving])
         order = np.argsort(-totals, kind="stable")[: self.config.relations]
-        families = order[totals[order] > 0]
+        grounds = np.flatnonzero(used & self._matters)
+        families = np.concatenate([order[totals[order] > 0], np.unique(c.families_[grounds])]).astype(np.int64)
         relation_of = np.full(len(c), -1, np.int64)
         for relation, family in enumerate(families):
-            relation_of[moving & (c.families_ == family)] = relation
+            relation_of[(moving | self._matters) & (c.families_ == family)] = relation
         return Kinds(relation_of, moving, c.controlled_ & moving), families
+
+    @property
+    def _matters(self) -> NDArray[np.bool_]:
+        """Which concepts are ground that does something to what touches it, or that is lost then, ``(c,)``."""
+        return np.asarray(self.concepts.blocks_ | self.concepts.is_lost_)
 
     def _relevant(self, objects: Floats) -> Floats:
         """Return the objects that are predicted, or that others are related to."""
@@ -276,7 +285,7 @@ class LiftedWorld:
         c, before = self.config, (*self.kinds_, self.families_, np.array(self.teller_))
         rng = np.random.default_rng([self.seed, seen])
         told = {concept: _some(rows, c.most_rows, rng) for concept, rows in self.training_set(play).items()}
-        self.teller_ = find_teller(told, c.leaf_things)
+        self.teller_ = find_teller(told, c)
         after = *self.kinds_, self.families_, np.array(self.teller_)
         same = all(np.array_equal(old, new) for old, new in zip(before, after, strict=True))
         oldest = int(self.grown_.argmin()) if self.is_fitted and same else None
