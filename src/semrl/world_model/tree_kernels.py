@@ -48,7 +48,7 @@ def ask(trees: Trees, rows: Floats) -> Floats:
     told = np.empty((*roots.shape, rows.shape[1]), np.float32)
     lanes = np.arange(rows.shape[1])
     for member in range(roots.shape[0]):
-        _descend(nodes, roots[member], rows, lanes, told[member])
+        _descend((nodes, roots[member : member + 1]), rows, lanes, told[member])
     return told.transpose(0, 2, 1)
 
 
@@ -56,27 +56,30 @@ def ask(trees: Trees, rows: Floats) -> Floats:
 def roll(  # noqa: PLR0917 - compiled functions take no keywords
     trees: Trees, inertia: Floats, states: Floats, actions: Floats, sequences: Ints, relations: Relations
 ) -> tuple[Floats, Floats, Floats]:
-    """Roll sequences of actions forward in every forest; see `semrl.world_model.trees.Forests.roll`."""
-    nodes, roots = trees
-    members, dimension = roots.shape[0], roots.shape[1] - 2
+    """Roll sequences of actions forward in every forest; see `semrl.world_model.trees.Forests.roll`.
+
+    All forests roll at once: a lane is a sequence in a forest, and those of one sequence lie side by side.
+    """
+    members, dimension = trees[1].shape[0], trees[1].shape[1] - 2
     n, length = sequences.shape
     begins, origins = branches(sequences)
-    order = np.argsort(begins, kind="mergesort")  # the sequence of each lane: those that have begun come first
-    lane_of = np.argsort(order)
-    begins, origins = begins[order], lane_of[origins[order]]
-    chosen = np.full((length + 1, n), NO_ACTION, np.float32)
-    chosen[:length] = sequences[order].T
+    order = np.argsort(begins, kind="mergesort")  # those that have begun come first
+    place_of = np.argsort(order)
+    begins, origins = begins[order], place_of[origins[order]]
+    chosen = np.full((length + 1, n * members), NO_ACTION, np.float32)
+    for s in range(n):
+        for t in range(length):
+            chosen[t, s * members : (s + 1) * members] = sequences[order[s], t]
     predicted = np.empty((n, length, dimension), np.float32)
     rewards, values = np.zeros((members, n, length), np.float32), np.zeros((members, n), np.float32)
-    for member in range(members - 1, -1, -1):  # the first one last: what it predicts stays
-        told = predicted, rewards[member], values[member]
-        _roll_lanes((nodes, roots[member]), inertia, (states, actions), (chosen, begins, origins), told, relations)
-    for lane in range(1, n):
-        begin, origin = begins[lane], origins[lane]
-        predicted[lane, :begin], rewards[:, lane, :begin] = predicted[origin, :begin], rewards[:, origin, :begin]
+    told = predicted, rewards, values
+    _roll_lanes(trees, inertia, (states, actions), (chosen, begins, origins), told, relations)
+    for s in range(1, n):
+        begin, origin = begins[s], origins[s]
+        predicted[s, :begin], rewards[:, s, :begin] = predicted[origin, :begin], rewards[:, origin, :begin]
         if begin == length:
-            values[:, lane] = values[:, origin]
-    return predicted[lane_of], rewards[:, lane_of], values[:, lane_of]
+            values[:, s] = values[:, origin]
+    return predicted[place_of], rewards[:, place_of], values[:, place_of]
 
 
 @compiled
@@ -102,43 +105,61 @@ def branches(sequences: Ints) -> tuple[Ints, Ints]:
 
 @compiled
 def _roll_lanes(  # noqa: PLR0917 - compiled functions take no keywords
-    trees: tuple[NDArray[Any], Ints],
+    trees: Trees,
     inertia: Floats,
     past: tuple[Floats, Floats],
     lanes: tuple[Floats, Ints, Ints],
     told: tuple[Floats, Floats, Floats],
     relations: Relations,
 ) -> None:
-    """Roll forward in one forest, writing states, ``(n, t, d)``, rewards, ``(n, t)``, and values, ``(n,)``.
+    """Roll forward, writing the first forest's states, ``(n, t, d)``, rewards, ``(m, n, t)``, and values, ``(m, n)``.
 
-    Of lanes it is told the actions, ``(t + 1, n)``, when each begins, ascending, and which one it leaves then.
+    It is told the action of each lane, ``(t + 1, n·m)``, when each sequence begins, ascending, and which one it leaves
+    then.
     """
     (nodes, roots), (states, actions), (chosen, begins, origins) = trees, past, lanes
     predicted, rewards, values = told
-    n, length, dimension = predicted.shape
-    window, before = _repeated(states, n), _repeated(actions, n)
-    columns = width(dimension, len(states), len(actions), relations)
-    changes, going = np.empty((dimension + 1, n), np.float32), np.ones(n, np.bool_)
+    (n, length, dimension), members = predicted.shape, len(roots)
+    window, before = _repeated(states, n * members), _repeated(actions, n * members)
+    rows = np.empty((width(dimension, len(states), len(actions), relations), n * members), np.float32)
+    changes, going = np.empty((dimension + 1, n * members), np.float32), np.ones(n * members, np.bool_)
     begun = 1
     for t in range(length):
-        while begun < n and begins[begun] == t:
-            origin = origins[begun]
-            window[:, :, begun], before[:, begun], going[begun] = window[:, :, origin], before[:, origin], going[origin]
-            begun += 1
-        rows, active = np.empty((columns, begun), np.float32), np.flatnonzero(going[:begun])
-        _lay_out(window, before, chosen[t], rows, relations)
-        _descend(nodes, roots[: dimension + 1], rows, active, changes)
-        _go_on(window, inertia, changes, active)
-        _advance(window, before, chosen[t], changes, active)
+        begun = _begin((begun, t), (begins, origins), window, before, going, members)
+        known, active = rows[:, : begun * members], np.flatnonzero(going[: begun * members])
+        _lay_out(window, before, chosen[t], known, relations)
+        _descend((nodes, roots[:, : dimension + 1]), known, active, changes)
+        _advance(window, before, chosen[t], inertia, changes, active)
         for lane in active:
-            rewards[lane, t] = np.rint(changes[dimension, lane])
-            going[lane] = rewards[lane, t] == 0
+            reward = np.rint(changes[dimension, lane])
+            rewards[lane % members, lane // members, t], going[lane] = reward, reward == 0
         for s in range(begun):
             for i in range(dimension):
-                predicted[s, t, i] = window[0, i, s]
-    rows = np.empty((columns, begun), np.float32)
-    _lay_out(window, before, chosen[length], rows, relations)
-    _descend(nodes, roots[dimension + 1 :], rows, np.flatnonzero(going[:begun]), values.reshape(1, n))
+                predicted[s, t, i] = window[0, i, s * members]
+    known, active = rows[:, : begun * members], np.flatnonzero(going[: begun * members])
+    _lay_out(window, before, chosen[length], known, relations)
+    _descend((nodes, roots[:, dimension + 1 :]), known, active, changes)
+    for lane in active:
+        values[lane % members, lane // members] = changes[0, lane]
+
+
+@compiled
+def _begin(  # noqa: PLR0917
+    at: tuple[int, int],
+    begin: tuple[Ints, Ints],
+    window: Floats,
+    before: Floats,
+    going: NDArray[np.bool_],
+    members: int,
+) -> int:
+    """Let the lanes of sequences begin whose time has come, like those that they leave; return how many have begun."""
+    (begun, t), (begins, origins) = at, begin
+    while begun < len(begins) and begins[begun] == t:
+        for member in range(members):
+            new, old = begun * members + member, origins[begun] * members + member
+            window[:, :, new], before[:, new], going[new] = window[:, :, old], before[:, old], going[old]
+        begun += 1
+    return begun
 
 
 @compiled
@@ -151,21 +172,25 @@ def _repeated(known: Floats, n: int) -> Floats:
 
 
 @compiled
-def _go_on(window: Floats, inertia: Floats, changes: Floats, active: Ints) -> None:
-    """Add to what the trees predict the last change of what goes on by itself."""
-    for i in np.flatnonzero(inertia):
-        for s in active:
-            changes[i, s] += inertia[i] * (window[0, i, s] - window[1, i, s])
+def _advance(  # noqa: PLR0917
+    window: Floats, before: Floats, chosen: Floats, inertia: Floats, changes: Floats, active: Ints
+) -> None:
+    """Put the next state of active lanes, and what was done, before the others, of which the last goes.
 
-
-@compiled
-def _advance(window: Floats, before: Floats, chosen: Floats, changes: Floats, active: Ints) -> None:
-    """Put the next state of active lanes, and what was done, before the others, of which the last goes."""
-    for h in range(len(window) - 1, 0, -1):
-        window[h] = window[h - 1]
-    for i in range(window.shape[1]):
+    What goes on by itself changes by its last change and what the trees predict.
+    """
+    past, dimension, n = window.shape
+    for i in range(dimension):
+        now, then, change = window[0, i], window[1, i], changes[i]
+        if inertia[i]:
+            for s in active:
+                change[s] += inertia[i] * (now[s] - then[s])
+        for h in range(past - 1, 0, -1):
+            older, old = window[h, i], window[h - 1, i]
+            for s in range(n):
+                older[s] = old[s]
         for s in active:
-            window[0, i, s] += changes[i, s]
+            now[s] += change[s]
     for h in range(len(before) - 1, 0, -1):
         before[h] = before[h - 1]
     if len(before):
@@ -189,47 +214,67 @@ def _lay_out(states: Floats, actions: NDArray[Any], chosen: NDArray[Any], rows: 
     """
     (past, dimension, _), n, (pairs, distances) = states.shape, rows.shape[1], relations
     for i in range(dimension):
+        now, then, row, after = states[0, i], states[1, i], rows[i], rows[dimension + i]
         for s in range(n):
-            rows[i, s] = states[0, i, s]
-            rows[dimension + i, s] = 2 * states[0, i, s] - states[1, i, s]
+            row[s] = now[s]
+            after[s] = 2 * now[s] - then[s]
     at = 2 * dimension
     for h in range(past - 1):
         for i in range(dimension):
+            now, then, row = states[h, i], states[h + 1, i], rows[at]
             for s in range(n):
-                rows[at, s] = states[h, i, s] - states[h + 1, i, s]
+                row[s] = now[s] - then[s]
             at += 1
     for i, j in pairs:
-        for s in range(n):
-            rows[at, s] = rows[i, s] - rows[j, s]
-            rows[at + 1, s] = rows[dimension + i, s] - rows[dimension + j, s]
-        at += 2
-        if distances:
-            rows[at : at + 2] = np.abs(rows[at - 2 : at])
-            at += 2
+        for later in (0, 1):
+            one, other, row = rows[later * dimension + i], rows[later * dimension + j], rows[at + later]
+            apart = rows[at + later + 2 * distances]
+            for s in range(n):
+                row[s] = one[s] - other[s]
+                if distances:
+                    apart[s] = abs(row[s])
+        at += 4 if distances else 2
     rows[at] = chosen[:n]
     rows[at + 1 :] = actions[:, :n]
 
 
-@compiled
-def _descend(nodes: NDArray[Any], roots: Ints, rows: Floats, lanes: Ints, told: Floats) -> None:
-    """Write what each tree predicts for some lanes, which go down together, a level at a time.
+_AT_ONCE = 512
+"""Lanes that go down together, each as often as it has trees: while one waits for memory there are others."""
 
-    One after the other each step would wait for the one before. Numbers that count are unsigned, as signed ones
-    are asked each time whether they count from the end.
+
+@compiled
+def _descend(trees: Trees, rows: Floats, lanes: Ints, told: Floats) -> None:
+    """Write what each tree predicts for some lanes, ``(k, n)``, which go down together, a level at a time.
+
+    A lane's forest is its number modulo the forests there are. One after the other each step would wait for the one
+    before. Numbers that count are unsigned, as signed ones are asked each time whether they count from the end.
     """
-    at, going = np.empty(rows.shape[1], np.uint64), np.empty(len(lanes), np.uint64)
-    for k, root in enumerate(roots):
-        at[:], going[:] = root, lanes
-        n = len(lanes) if nodes[root].column >= 0 else 0
-        while n:
+    (nodes, roots), n = trees, len(lanes)
+    together = max(_AT_ONCE // max(n, 1), 1)  # trees
+    at, lane_of = np.empty(together * n, np.uint32), np.empty(together * n, np.uint32)
+    going = np.empty(together * n, np.uint32)
+    for first in range(0, roots.shape[1], together):
+        some = range(first, min(first + together, roots.shape[1]))
+        count, left = np.uint64(0), np.uint64(0)
+        for k in some:
+            for lane in lanes:
+                root = roots[lane % len(roots), k]
+                at[count], lane_of[count], going[left] = root, lane, count
+                left += np.uint64(nodes[root].column >= 0)
+                count += np.uint64(1)
+        while left:
             inner = np.uint64(0)
-            for i in range(n):
-                lane = going[i]
-                node = nodes[at[lane]]
-                below = np.uint64(node.left + np.int32(rows[np.uint64(node.column), lane] > node.cut))
-                at[lane] = below
-                going[inner] = lane  # it stays in the list unless this is a leaf: to ask would be to guess wrong often
+            for i in range(left):
+                one = np.uint64(going[i])
+                node = nodes[np.uint64(at[one])]
+                right = rows[np.uint64(node.column), np.uint64(lane_of[one])] > node.cut
+                below = np.uint64(node.left + np.int32(right))
+                at[one] = below
+                going[inner] = one  # it stays in the list unless this is a leaf: to ask would be to guess wrong often
                 inner += np.uint64(nodes[below].column >= 0)
-            n = int(inner)
-        for lane in lanes:
-            told[k, lane] = nodes[at[lane]].mean
+            left = inner
+        count = np.uint64(0)
+        for k in some:
+            for lane in lanes:
+                told[k, lane] = nodes[np.uint64(at[count])].mean
+                count += np.uint64(1)
