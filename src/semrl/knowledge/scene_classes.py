@@ -53,9 +53,13 @@ class SceneClassesConfig:
     """Fewest rewards of a kind from which its class is learned."""
     least_decisions: int = 10
     """Fewest decisions in a leaf."""
+    purity: float = 0.9
+    """Share of a leaf's decisions before a reward, above which it counts: the reward comes whatever is done."""
 
     def __post_init__(self) -> None:
-        for name in self.__dataclass_fields__:
+        if not 0 < self.purity < 1:
+            raise UsageError(f"purity must lie between 0 and 1, not be {self.purity}")
+        for name in ("within_decisions", "leaves", "least_rewards", "least_decisions"):
             if getattr(self, name) < 1:
                 raise UsageError(f"{name} must be 1 or more, not {getattr(self, name)}")
 
@@ -125,7 +129,7 @@ def learn_scene_classes(
             continue
         expression = disjunction(*rules)
         holds = _ask(words, scenes, [expression])[:, 0]
-        comment = f"{what} mostly comes within {config.within_decisions} decisions."
+        comment = f"{what} nearly always comes within {config.within_decisions} decisions."
         found[name] = Definition(
             expression=expression,
             comment=comment,
@@ -188,7 +192,7 @@ def _leaves(table: NDArray[np.bool_], comes: NDArray[np.bool_], config: SceneCla
         for step, part in ((atom, rows[table[rows, atom]]), (~atom, rows[~table[rows, atom]])):
             open_leaves.append(([*way, step], part))
             cuts.append(_best_cut(answers[part], wanted[part], config.least_decisions))
-    return [tuple(way) for way, rows in open_leaves if way and comes[rows].mean() > 1 / 2]
+    return [tuple(way) for way, rows in open_leaves if way and comes[rows].mean() > config.purity]
 
 
 def _shortened(ways: list[_Way], table: NDArray[np.bool_], comes: NDArray[np.bool_]) -> list[_Way]:
