@@ -21,6 +21,7 @@ COMMANDS = {
     "train": ("train", "learn to see, then to play; resumable"),
     "eval": ("evaluate", "play with a trained run, with a video on request"),
     "play": ("play", "play for a goal that is told, without training for it"),
+    "plan": ("plan", "symbolic plans in discrete worlds, carried out and as PDDL"),
     "knowledge": ("knowledge", "what a run knows: concepts, roles, classes; edit and export it"),
     "report": ("report", "one self-contained HTML page about one or more runs"),
     "map": ("map", "what the map of a run looks like, and the map as a file"),

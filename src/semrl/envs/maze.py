@@ -5,7 +5,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from semrl.core import Ints
+from semrl.core import Image, Ints
 from semrl.core.errors import DataError
 from semrl.envs.rendering import check_render_mode
 
@@ -122,3 +122,36 @@ class FourRooms(gym.Env[np.int64, np.int64]):
         tiles[self._tile] = "@"
         rows = range(0, N_TILES, MAZE_SIDE_TILES)
         return "\n".join("".join(tiles[row : row + MAZE_SIDE_TILES]) for row in rows)
+
+
+CELL_SIDE_PX = 4
+_WALL, _FLOOR, _PAWN = (90, 90, 90), (0, 0, 0), (230, 60, 40)
+_WAYS = (EAST, SOUTH, WEST, NORTH)
+
+
+def draw_maze(tile: int) -> Image:
+    """Return the labyrinth with the pawn on a tile, ``(84, 84, 3)`` uint8.
+
+    A tile is one cell of 4 × 4 pixels, as is each wall or gap between two of them.
+    """
+    cells = np.empty((2 * MAZE_SIDE_TILES + 1, 2 * MAZE_SIDE_TILES + 1, 3), np.uint8)
+    cells[:] = _WALL
+    for place in range(N_TILES):
+        row, column = 2 * np.array(divmod(place, MAZE_SIDE_TILES)) + 1
+        cells[row, column] = _PAWN if place == tile else _FLOOR
+        for action in _WAYS:
+            if TRANSITIONS[place, action] != place:
+                cells[row + STEPS[action][0], column + STEPS[action][1]] = _FLOOR
+    return cells.repeat(CELL_SIDE_PX, axis=0).repeat(CELL_SIDE_PX, axis=1)
+
+
+class DrawnFourRooms(gym.ObservationWrapper[Image, np.int64, np.int64]):
+    """The same labyrinth, seen from above as pixels: see `draw_maze`."""
+
+    def __init__(self, *, render_mode: str | None = None) -> None:
+        super().__init__(FourRooms(render_mode=render_mode))
+        self.observation_space = gym.spaces.Box(0, 255, (84, 84, 3), np.uint8)
+
+    def observation(self, observation: np.int64) -> Image:
+        """Return the picture of a tile."""
+        return draw_maze(int(observation))

@@ -1,0 +1,1 @@
+"""Symbolic plans in discrete worlds: operators learned from play, A*, PDDL."""
