@@ -32,6 +32,7 @@ COMMANDS = {
     "explain": ("explain", "why a run took one decision, as text or as a page"),
     "compare": ("compare", "what two runs know and do differently"),
     "publish": ("publish", "a trained run as a folder to be shared, with a model card"),
+    "export": ("export", "play as a data set to learn from offline, in Minari's format"),
     "sweep": ("sweep", "many runs side by side, on this machine or on many, and their scores"),
     "watch": ("watch", "a live page: what it sees, thinks and does, and you may take part"),
     "doctor": ("doctor", "versions, threads, what is missing and how to get it"),

@@ -2,10 +2,11 @@
 
 import contextlib
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -103,7 +104,7 @@ def evaluate(
         raise UsageError(f"episodes must be 1 or more and seed 0 or more, not {episodes} and {seed}")
     asked: dict[str, Any] = {"episodes": episodes, "exploration": exploration, "sticky_actions": sticky_actions}
     asked |= {"variant": variant, "max_decisions": max_decisions, "classes": classes}
-    player = _ready_player(run, policy, at, {name: value for name, value in asked.items() if value is not None})
+    player = ready_player(run, policy, at, {name: value for name, value in asked.items() if value is not None})
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
     path = result_path(
         run,
@@ -126,8 +127,16 @@ def evaluate(
     return result
 
 
-def _ready_player(run: str | Path, policy: Policy, at: int | None, conditions: dict[str, Any]) -> Player:
-    """Load who is to play, and check that it can."""
+def ready_player(
+    run: str | Path, policy: Policy, at: int | None = None, conditions: Mapping[str, Any] = MappingProxyType({})
+) -> Player:
+    """Load who is to play as in an evaluation, and check that it can.
+
+    Raises
+    ------
+    UsageError
+        When there is no such run or milestone, it has not learned to see, or it has no planner that is asked for.
+    """
     player = load_player(run, at, memory=conditions.get("classes", "off") != "off").under(**conditions)
     if player.perceiving:
         raise UsageError(
