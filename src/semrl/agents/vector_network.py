@@ -6,7 +6,9 @@ order of sums alone.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Self
 
 import numpy as np
 import torch
@@ -16,7 +18,7 @@ from semrl.agents.config import DQNConfig
 from semrl.agents.networks import FourierFeatures, QNetwork
 from semrl.agents.replay import Batch
 from semrl.agents.vector_kernels import activate, adam, loss_and_gradient, move_towards, pass_back, write_inputs
-from semrl.core import Floats
+from semrl.core import Floats, Ints
 
 _UNWARNED = np.errstate(over="ignore", invalid="ignore")  # of a loss that is no number the agent tells
 
@@ -33,10 +35,41 @@ class _Layer:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class _Rows:
+    """What the first dense layer is given of a batch.
+
+    Of a list of objects most columns are alike in all rows: places that nobody has. They are multiplied once.
+    """
+
+    varying: Floats  # (b, v)
+    columns: Ints  # (v,), which they are
+    steady: Floats  # (k,), what the others hold; 0 in those that vary
+
+    @classmethod
+    def of(cls, rows: Floats) -> Self:
+        """Tell which of the columns of ``(b, k)`` rows vary."""
+        differs = (rows != rows[0]).any(axis=0)
+        columns = np.flatnonzero(differs)
+        return cls(varying=np.take(rows, columns, axis=1), columns=columns, steady=np.where(differs, 0, rows[0]))
+
+    def __getitem__(self, some: slice) -> Self:
+        return replace(self, varying=self.varying[some])
+
+    def times(self, layer: _Layer) -> tuple[Floats, Floats]:
+        """Return products with a layer's weights, ``(b, u)``, and what is the same in all rows, its bias included."""
+        return self.varying @ np.take(layer.weight, self.columns, axis=1).T, layer.bias + layer.weight @ self.steady
+
+    def gradient(self, back: Floats, bias_back: Floats) -> Floats:
+        """Return the gradient of the weights, ``(u, k)``, of that of the sums, ``(b, u)``, and of the bias."""
+        gradient = np.outer(bias_back, self.steady)
+        gradient[:, self.columns] = back.T @ self.varying
+        return gradient
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class _Pass:
     """What one hidden layer made of a batch."""
 
-    inputs: Floats  # (b, k)
     normal: Floats  # (b, u), sums, normalised if wanted
     spread: Floats  # (b,)
     active: Floats  # (b, u)
@@ -66,37 +99,35 @@ class VectorNetwork:
 
     def values(self, rows: Floats) -> Floats:
         """Return the outputs, ``(b, n_values)``, for what `inputs` returned."""
-        return self.forward(rows)[0]
+        return self.forward(_Rows.of(rows))[0]
 
     @_UNWARNED
-    def forward(self, rows: Floats) -> tuple[Floats, list[_Pass]]:
+    def forward(self, rows: _Rows) -> tuple[Floats, list[_Pass]]:
         """Return the outputs and what `backward` needs of the way there."""
-        passes = []
-        for layer in self._layers[:-1]:
-            sums = rows @ layer.weight.T
+        passes: list[_Pass] = []
+        sums, bias = rows.times(self._layers[0])
+        for layer, following in pairwise(self._layers):
             spread, active = np.empty(len(sums), np.float32), np.empty_like(sums)
-            activate(sums, layer.bias, layer.gain, layer.shift, layer.normed, spread, active)
-            passes.append(_Pass(inputs=rows, normal=sums, spread=spread, active=active))
-            rows = active
-        last = self._layers[-1]
-        return rows @ last.weight.T + last.bias, passes
+            activate(sums, bias, layer.gain, layer.shift, layer.normed, spread, active)
+            passes.append(_Pass(normal=sums, spread=spread, active=active))
+            sums, bias = active @ following.weight.T, following.bias
+        return sums + bias, passes
 
     @_UNWARNED
-    def backward(self, rows: Floats, passes: list[_Pass], back: Floats, count: int) -> list[Floats]:
+    def backward(self, rows: _Rows, passes: list[_Pass], back: Floats) -> list[Floats]:
         """Return the gradients of all weights, in the order of the module's parameters.
 
         Parameters
         ----------
         rows
-            What `forward` was given.
+            Of what `forward` was given the first ``n``.
         passes
             What it returned.
         back
-            ``(count, n_values)``, gradient of the outputs of the first ``count`` rows; the others do not matter.
-        count
-            See there.
+            ``(n, n_values)``, gradient of the outputs of these; the others do not matter.
         """
         gradients: list[Floats] = []
+        count = len(back)
         for place in range(len(self._layers) - 1, -1, -1):
             layer = self._layers[place]
             if place == len(passes):
@@ -108,8 +139,8 @@ class VectorNetwork:
                     back, done.active[:count], done.normal[:count], done.spread[:count], layer.gain, layer.normed,
                     bias_back, *norm_back,
                 )  # fmt: skip
-            inputs = passes[place - 1].active[:count] if place else rows[:count]
-            gradients = [back.T @ inputs, bias_back, *(norm_back if layer.normed else []), *gradients]
+            weight_back = back.T @ passes[place - 1].active[:count] if place else rows.gradient(back, bias_back)
+            gradients = [weight_back, bias_back, *(norm_back if layer.normed else []), *gradients]
             if place:
                 back = back @ layer.weight
         return gradients
@@ -141,16 +172,16 @@ class VectorUpdates:
         """Return the loss of a batch and its gradients, in the order of the parameters."""
         c, n = self.config, len(batch.states)
         states = np.concatenate([batch.states, batch.next_states])
-        rows = self.online.inputs(states, np.concatenate([batch.plans, batch.next_plans]))
+        rows = _Rows.of(self.online.inputs(states, np.concatenate([batch.plans, batch.next_plans])))
         both, passes = self.online.forward(rows if c.double else rows[:n])
-        following = self.target.values(rows[n:])
+        following = self.target.forward(rows[n:])[0]
         shape = (n, c.heads, n_actions)
         back = np.empty(shape, np.float32)
         loss = loss_and_gradient(
             both[:n].reshape(shape), (both[n:] if c.double else following).reshape(shape), following.reshape(shape),
             batch.returns, batch.discounts, batch.actions, batch.advised, c.advice_margin, c.advice_weight, back,
         )  # fmt: skip
-        return loss, self.online.backward(rows, passes, back.reshape(n, -1), n)
+        return loss, self.online.backward(rows[:n], passes, back.reshape(n, -1))
 
     def step(self, gradients: list[Floats], learning_rate: float) -> None:
         """Take one step of Adam."""
