@@ -179,7 +179,7 @@ def test_help_is_always_there(call, argv):
         assert result.out == f"semrl {__version__}\n"
     elif len(argv) == 2:
         assert f"usage: semrl {argv[0]}" in result.out
-        assert ("--json" in result.out) != (argv[0] == "watch")  # a page for people
+        assert ("--json" in result.out) != (argv[0] in ("watch", "completion"))  # for people, for shells
     else:
         assert all(f"semrl {name}" in result.out for name in COMMANDS)
 

@@ -6,7 +6,7 @@ import importlib
 import importlib.util
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -36,6 +36,7 @@ COMMANDS = {
     "sweep": ("sweep", "many runs side by side, on this machine or on many, and their scores"),
     "watch": ("watch", "a live page: what it sees, thinks and does, and you may take part"),
     "doctor": ("doctor", "versions, threads, what is missing and how to get it"),
+    "completion": ("completion", "what bash or zsh needs to complete commands and options"),
 }
 """Command → module of this package and what it does. Modules are imported when called: torch is slow to load."""
 
@@ -70,7 +71,7 @@ def _run(argv: Sequence[str]) -> int:
 def _call(command: str, argv: Sequence[str]) -> int:
     try:
         with handling(_interrupt, signal.SIGTERM):
-            _module(command).main(argv)
+            load_command(command)(argv)
     except UsageError as error:
         return complain(error, 2)
     except SemrlError as error:
@@ -126,9 +127,20 @@ def _summary(module: str) -> str:
     return first.partition(": ")[2].rstrip(".") or first
 
 
-def _help() -> str:
+def summaries() -> dict[str, str]:
+    """Return what each command does, also those of other packages."""
     texts = {name: text for name, (_, text) in COMMANDS.items()}
-    texts |= {name: _summary(module) for name, module in _added().items()}
+    return texts | {name: _summary(module) for name, module in _added().items()}
+
+
+def load_command(command: str) -> Callable[[Sequence[str]], None]:
+    """Return the function of a command, which takes the words after it."""
+    run: Callable[[Sequence[str]], None] = _module(command).main
+    return run
+
+
+def _help() -> str:
+    texts = summaries()
     width = max(map(len, texts))
     lines = [f"  semrl {name:<{width}}  {text}" for name, text in texts.items()]
     return "\n".join([
