@@ -140,3 +140,11 @@ def test_layouts_of_minigrid_that_were_not_seen_are_solved(tmp_path):
     (tmp_path / "p.pddl").write_text(problem)
     read = reader.parse_problem(str(tmp_path / "d.pddl"), str(tmp_path / "p.pddl"))
     assert len(read.actions) == domain.count("(:action") and len(list(read.all_objects)) == 5 * 5 + 1
+
+
+@pytest.mark.slow
+def test_fast_downward_plans_as_well(maze, tmp_path):
+    pytest.importorskip("up_fast_downward", reason="needs the extra pddl")
+    maze.save(tmp_path)
+    result = play_plans(tmp_path, "end", trials=1, planner="fast-downward")
+    assert result.solved == 1 and result.decisions == result.planned

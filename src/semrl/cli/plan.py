@@ -16,6 +16,7 @@ from semrl.evaluation.symbolic import (
     LEARNING_DECISIONS,
     PLAY,
     TRIAL_DECISIONS,
+    SymbolicPlanner,
     SymbolicWorld,
     learn_world,
     play_plans,
@@ -51,6 +52,8 @@ class PlanArguments:
     """Of the first layout, and of learning [default: ones that learning did not use; 0]."""
     most: int = TRIAL_DECISIONS
     """Decisions after which a trial ends."""
+    planner: SymbolicPlanner = "astar"
+    """Who plans: our own A*, whose plans are shortest, or Fast Downward (extra pddl)."""
     domain: Path | None = None
     """Also write the operators as a PDDL domain."""
     problem: Path | None = None
@@ -81,6 +84,7 @@ def main(argv: Sequence[str]) -> None:
             trials=arguments.trials,
             seed=arguments.seed,
             max_decisions=arguments.most,
+            planner=arguments.planner,
             on_trial=on_trial,
         )
     if arguments.domain or arguments.problem:

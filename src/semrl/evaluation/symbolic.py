@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -16,18 +17,22 @@ from semrl.envs.actions import action_meanings
 from semrl.envs.environment import EnvironmentConfig
 from semrl.perception.lattice import Lattice
 from semrl.planning.symbolic.cells import OUTSIDE, CellConcepts, GridEpisode, GridState, learn_concepts
+from semrl.planning.symbolic.downward import fast_downward
 from semrl.planning.symbolic.operators import Operators, learn_operators
 from semrl.planning.symbolic.pddl import write_domain, write_problem
-from semrl.planning.symbolic.search import SymbolicGoal, SymbolicPlan, nearest, search, validate
+from semrl.planning.symbolic.search import SymbolicGoal, SymbolicPlan, follow, nearest, search, validate
 
 PLAY = "symbols.npz"
 """File in a run's folder: the play that operators are learned from, cell by cell."""
+
+SymbolicPlanner = Literal["astar", "fast-downward"]
+"""Who plans: our own A*, or Fast Downward."""
 
 LEARNING_DECISIONS = 2_000
 TRIAL_DECISIONS = 200
 """After which a trial ends."""
 
-_UNSEEN = 2**31
+UNSEEN_SEED = 2**31
 """First seed that learning, whose seeds are smaller, cannot have drawn."""
 
 _FIRST = 60
@@ -163,6 +168,7 @@ def play_plans(
     trials: int = 1,
     seed: int | None = None,
     max_decisions: int = TRIAL_DECISIONS,
+    planner: SymbolicPlanner = "astar",
     on_trial: Callable[[int, int | None], None] = lambda _trial, _decisions: None,
 ) -> SymbolicResult:
     """Plan for a goal in worlds that were not learned from, and carry the plans out.
@@ -181,6 +187,8 @@ def play_plans(
         Of the first episode's layout; those of learning are others when None.
     max_decisions
         After which a trial ends.
+    planner
+        ``astar``, or ``fast-downward`` (extra ``pddl``).
     on_trial
         Is told the number of each trial and after how many decisions the goal was met, or None.
 
@@ -200,7 +208,7 @@ def play_plans(
         game = Game(made, 0)
         for trial in range(trials):
             record = _Record(world.lattice.read(game.begin(_first_layout(seed) + trial).frame))
-            layout = _Trial(game, record, world.lattice, concepts, operators)
+            layout = _Trial(game, record, world, concepts, operators, planner)
             solved, steps = layout.carry_out(sought, max_decisions)
             ended.append(solved)
             planned.append(steps)
@@ -238,7 +246,7 @@ def write_pddl(run: str | Path, goal: str = "gain", *, seed: int | None = None) 
 
 
 def _first_layout(seed: int | None) -> int:
-    return _UNSEEN if seed is None else seed
+    return UNSEEN_SEED if seed is None else seed
 
 
 def _first_state(world: SymbolicWorld, concepts: CellConcepts, seed: int) -> GridState:
@@ -368,9 +376,10 @@ class _Trial:
 
     game: Game
     record: _Record
-    lattice: Lattice
+    world: SymbolicWorld
     concepts: CellConcepts
     operators: Operators
+    planner: SymbolicPlanner
 
     def carry_out(self, goal: SymbolicGoal, most: int) -> tuple[int | None, int | None]:
         """Plan and play until a goal is met; return after how many decisions it was, and steps of the first plan."""
@@ -380,18 +389,27 @@ class _Trial:
         while not self.record.over and len(self.record.actions) < most:
             state = list(self.concepts.states(np.array(self.record.grids)))[-1]
             if plan is None or place >= len(plan) or plan.states[place] != state:
-                plan, place = None if state is None else search(self.operators, state, goal), 0
+                plan, place = None if state is None else self._planned(state, goal), 0
                 if plan is None:
                     return None, steps
                 validate(self.operators, plan, goal)
                 steps = len(plan) if steps is None else steps
                 if not plan.operators:
                     return len(self.record.actions), steps
-            self.record.take(self.game, plan.operators[place].action, self.lattice)
+            self.record.take(self.game, plan.operators[place].action, self.world.lattice)
             place += 1
             if _met(self.record, self.concepts, goal):
                 return len(self.record.actions), steps
         return None, steps
+
+    def _planned(self, state: GridState, goal: SymbolicGoal) -> SymbolicPlan | None:
+        if self.planner == "astar":
+            return search(self.operators, state, goal)
+        names = concept_names(self.concepts, self.operators)
+        domain = write_domain(self.operators, self.world.env, self.world.actions, names)
+        problem = write_problem(self.operators, state, goal, self.world.env, names)
+        actions = fast_downward(self.operators, domain, problem)
+        return None if actions is None else follow(self.operators, state, actions)
 
 
 def _met(record: _Record, concepts: CellConcepts, goal: SymbolicGoal) -> bool:

@@ -82,6 +82,12 @@ def write_problem(
     )
 
 
+def operator_of(operators: Operators, name: str) -> Operator:
+    """Return the operator that an action of the domain stands for: its number follows its name."""
+    useful = [one for one in operators.operators if _is_useful(one)]
+    return useful[int(name.rsplit("-", 1)[1])]
+
+
 def _is_useful(operator: Operator) -> bool:
     effect = operator.effect
     return bool(effect.move != (0, 0) or effect.kind != operator.kind or effect.changes or effect.gain or effect.ends)

@@ -1,7 +1,7 @@
 """A* over operators (Hart, Nilsson and Raphael 1968)."""
 
 import heapq
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
 
@@ -73,6 +73,23 @@ def nearest(operators: Operators, start: GridState, wanted: Callable[[GridState]
     return _best_first(operators, start, lambda _operator, _before, state: wanted(state), lambda _state: 0)
 
 
+def follow(operators: Operators, start: GridState, actions: Sequence[Operator]) -> SymbolicPlan:
+    """Return a plan of somebody else's with what it leads through.
+
+    Raises
+    ------
+    UsageError
+        When an operator does not apply; the message names the step.
+    """
+    states = [start]
+    for number, operator in enumerate(actions):
+        outcomes = dict(operators.successors(states[-1]))
+        if operator not in outcomes:
+            raise UsageError(f"step {number} of the plan cannot be taken: its conditions do not hold")
+        states.append(outcomes[operator])
+    return SymbolicPlan(operators=tuple(actions), states=tuple(states))
+
+
 def validate(operators: Operators, plan: SymbolicPlan, goal: SymbolicGoal) -> None:
     """Carry a plan out in mind, step by step.
 
@@ -81,15 +98,12 @@ def validate(operators: Operators, plan: SymbolicPlan, goal: SymbolicGoal) -> No
     UsageError
         When an operator does not apply, leads elsewhere, or the goal is not met at the end; the message names the step.
     """
-    state, before, last = plan.states[0], None, None
-    for number, (operator, told) in enumerate(zip(plan.operators, plan.states[1:], strict=True)):
-        outcomes = dict(operators.successors(state))
-        if operator not in outcomes:
-            raise UsageError(f"step {number} of the plan cannot be taken: its conditions do not hold")
-        if outcomes[operator] != told:
+    states = follow(operators, plan.states[0], plan.operators).states
+    for number, (state, told) in enumerate(zip(states[1:], plan.states[1:], strict=True)):
+        if state != told:
             raise UsageError(f"step {number} of the plan leads elsewhere than the plan says")
-        before, state, last = state, told, operator
-    if not goal.reached(last, before, state):
+    last, before = (plan.operators[-1], states[-2]) if plan.operators else (None, None)
+    if not goal.reached(last, before, states[-1]):
         raise UsageError("the plan does not reach the goal")
 
 
