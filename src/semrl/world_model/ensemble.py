@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.core import Floats, Ints
+from semrl.core.kernels import compiled
 
 FEWEST_SCREENED = 8
 """Scenarios; of fewer all members are asked about all."""
@@ -34,15 +35,44 @@ def imagine_all(roll: Roll, sequences: Ints, *, members: int, screening: int, di
     screened = 0 < screening < members and len(sequences) >= FEWEST_SCREENED
     predicted, rewards, values = roll(sequences, slice(screening if screened else None))
     if screened:
-        means = _returns(rewards, values, discount).mean(axis=0)
-        best = np.sort(np.argsort(-means, kind="stable")[: len(sequences) // 4])
+        best = _best(_returns(rewards, values, discount), len(sequences) // 4)
         sequences = sequences[best]
         _, more_rewards, more_values = roll(sequences, slice(screening, None))
         predicted = predicted[best]
         rewards = np.concatenate([rewards[:, best], more_rewards])
         values = np.concatenate([values[:, best], more_values])
-    uncertainties = _returns(rewards, values, discount).std(axis=0).astype(np.float32)
-    return Imagined(sequences, predicted, rewards.mean(axis=0), values.mean(axis=0), uncertainties)
+    return Imagined(sequences, predicted, *_averaged(rewards, values, _returns(rewards, values, discount)))
+
+
+@compiled
+def _best(returns: NDArray[np.float64], count: int) -> Ints:
+    """Return the scenarios of which ``(members, s)`` returns are best on average, ascending; of equal ones the first.
+
+    Sums here and in `_averaged` are taken member by member, as numpy does.
+    """
+    means = np.zeros(returns.shape[1])
+    for member in range(len(returns)):
+        means -= returns[member]
+    best: Ints = np.sort(np.argsort(means / len(returns), kind="mergesort")[:count])
+    return best
+
+
+@compiled
+def _averaged(rewards: Floats, values: Floats, returns: NDArray[np.float64]) -> tuple[Floats, Floats, Floats]:
+    """Return mean rewards, ``(s, t)``, mean values, ``(s,)``, and the standard deviation of the returns, ``(s,)``."""
+    members, n, length = rewards.shape
+    mean_rewards, mean_values = np.zeros((n, length), np.float32), np.zeros(n, np.float32)
+    means, squares = np.zeros(n), np.zeros(n)
+    for member in range(members):
+        mean_rewards += rewards[member]
+        mean_values += values[member]
+        means += returns[member]
+    means /= members
+    for member in range(members):
+        for s in range(n):
+            squares[s] += (returns[member, s] - means[s]) ** 2
+    count = np.float32(members)
+    return mean_rewards / count, mean_values / count, np.sqrt(squares / members).astype(np.float32)
 
 
 def _returns(rewards: Floats, values: Floats, discount: float) -> NDArray[np.float64]:

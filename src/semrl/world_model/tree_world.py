@@ -131,6 +131,7 @@ class TreeWorld:
         self.axes = np.zeros(dimension, np.int64) if axes is None else axes
         self.forests = Forests(config.members)
         self.varying_ = np.arange(dimension)
+        self._compared = self.varying_, self._pairs()  # which varied when these were the pairs
         self.inertia_ = np.zeros(dimension, np.float32)
         self.seen_ = 0
         self.grown_ = np.zeros(config.members, np.int64)
@@ -138,9 +139,14 @@ class TreeWorld:
     @property
     def relations_(self) -> Relations:
         """Which of the numbers that vary are compared, and how."""
-        axes, distances = self.axes[self.varying_], self.config.distances
-        comparable = (axes[:, None] == axes) & (axes >= 0) if distances else np.ones((len(axes), len(axes)), np.bool_)
-        return np.argwhere(np.triu(comparable, 1)), distances
+        if self._compared[0] is not self.varying_:
+            self._compared = self.varying_, self._pairs()
+        return self._compared[1], self.config.distances
+
+    def _pairs(self) -> Ints:
+        axes = self.axes[self.varying_]
+        alone = (axes[:, None] == axes) & (axes >= 0) if self.config.distances else np.ones((len(axes),) * 2, np.bool_)
+        return np.argwhere(np.triu(alone, 1))
 
     @property
     def is_fitted(self) -> bool:
