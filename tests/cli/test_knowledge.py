@@ -75,6 +75,14 @@ def test_what_is_refused_changes_nothing(tracked_run, call, words, said):
     assert not (tracked_run / "knowledge.jsonl").exists()
 
 
+def test_a_learned_class_that_is_gone_may_have_been_switched_off(run, call):
+    (run / "knowledge.jsonl").write_text('{"do": "disable", "name": "Gone"}\n')
+    call("knowledge", run, "add", "High", "thing.y < 40", "--forbid")
+    assert set(classes(call, run)) >= {"High"} and "Gone" not in classes(call, run)
+    assert call("eval", run, "--episodes", "1", "--max-decisions", "5").status == 0
+    assert "no defined class" in call("knowledge", run, "disable", "Gone").message
+
+
 def test_a_damaged_log_is_told(run, call):
     (run / "knowledge.jsonl").write_text('{"do": "add"\n')
     told = call("knowledge", run)

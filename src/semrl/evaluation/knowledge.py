@@ -10,7 +10,7 @@ from semrl.core.files import locked
 from semrl.evaluation.player import load_player
 from semrl.evaluation.words import words_of_run
 from semrl.knowledge.edits import LOG, Edit, Edited, edited, read_log, standing, write_log
-from semrl.knowledge.ontology import Ontology, Role
+from semrl.knowledge.ontology import Ontology, Role, known
 from semrl.knowledge.writing import write_condition
 from semrl.training.folder import RunFolder
 
@@ -91,9 +91,9 @@ def edit_knowledge(run: str | Path, edit: Edit) -> RunKnowledge:
     UsageError
         When the edit is refused, with the reason, or another process edits the run; the log is as it was.
     """
-    known = load_knowledge(run)
-    edits, now = log_edit(run, known.learned, edit)
-    return replace(known, edits=edits, now=now)
+    before = load_knowledge(run)
+    edits, now = log_edit(run, before.learned, edit)
+    return replace(before, edits=edits, now=now)
 
 
 def log_edit(run: str | Path, learned: Ontology, edit: Edit) -> tuple[tuple[Edit, ...], Edited]:
@@ -109,6 +109,8 @@ def log_edit(run: str | Path, learned: Ontology, edit: Edit) -> tuple[tuple[Edit
         edits = (*read_log(path), edit)
         if edit.do == "undo" and not standing(edits[:-1]):
             raise UsageError(f"there is no edit of {run} to take back")
+        if edit.do in ("disable", "enable"):
+            known(edit.name, edited(learned, edits[:-1]).words.definitions, "defined class")
         now = edited(learned, edits)
         write_log(path, edits)
     return edits, now

@@ -16,6 +16,7 @@ from semrl.evaluation.kept import keep_result, warn_unwritable
 from semrl.evaluation.player import Player, Policy, load_player
 from semrl.evaluation.scene_classes import counting_classes
 from semrl.evaluation.shield import shielded
+from semrl.knowledge.edits import read_log
 from semrl.training.config import ClassesMode, EvaluationConfig
 from semrl.training.loop import Step
 from semrl.training.session import limited_threads
@@ -137,7 +138,8 @@ def ready_player(
     UsageError
         When there is no such run or milestone, it has not learned to see, or it has no planner that is asked for.
     """
-    player = load_player(run, at, memory=conditions.get("classes", "off") != "off").under(**conditions)
+    memory = conditions.get("classes", "off") != "off" or bool(read_log(Path(run)))  # classes are learned from it
+    player = load_player(run, at, memory=memory).under(**conditions)
     if player.perceiving:
         raise UsageError(
             f"{run} has not learned to see yet, so there is no agent to play with: it needs more decisions"
