@@ -83,10 +83,7 @@ def follow(operators: Operators, start: GridState, actions: Sequence[Operator]) 
     """
     states = [start]
     for number, operator in enumerate(actions):
-        outcomes = dict(operators.successors(states[-1]))
-        if operator not in outcomes:
-            raise UsageError(f"step {number} of the plan cannot be taken: its conditions do not hold")
-        states.append(outcomes[operator])
+        states.append(_after(operators, states[-1], operator, number))
     return SymbolicPlan(operators=tuple(actions), states=tuple(states))
 
 
@@ -98,13 +95,20 @@ def validate(operators: Operators, plan: SymbolicPlan, goal: SymbolicGoal) -> No
     UsageError
         When an operator does not apply, leads elsewhere, or the goal is not met at the end; the message names the step.
     """
-    states = follow(operators, plan.states[0], plan.operators).states
-    for number, (state, told) in enumerate(zip(states[1:], plan.states[1:], strict=True)):
-        if state != told:
+    state, before, last = plan.states[0], None, None
+    for number, (operator, told) in enumerate(zip(plan.operators, plan.states[1:], strict=True)):
+        if _after(operators, state, operator, number) != told:
             raise UsageError(f"step {number} of the plan leads elsewhere than the plan says")
-    last, before = (plan.operators[-1], states[-2]) if plan.operators else (None, None)
-    if not goal.reached(last, before, states[-1]):
+        before, state, last = state, told, operator
+    if not goal.reached(last, before, state):
         raise UsageError("the plan does not reach the goal")
+
+
+def _after(operators: Operators, state: GridState, operator: Operator, number: int) -> GridState:
+    outcomes = dict(operators.successors(state))
+    if operator not in outcomes:
+        raise UsageError(f"step {number} of the plan cannot be taken: its conditions do not hold")
+    return outcomes[operator]
 
 
 def _best_first(
