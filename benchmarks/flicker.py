@@ -11,21 +11,20 @@ pooling; and what blinks and is not shown with that, in play that was not looked
 import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from functools import partial
 
 import ale_py
 import gymnasium as gym
 import machine
+import numpy as np
 import tyro
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
 from semrl.envs import EnvironmentConfig, make_env
-from semrl.envs.flicker import Flicker, Pooling, background_of, brightest, farthest, flicker, needed_frames, watch
+from semrl.envs.flicker import Flicker, Ground, Pooling, background_of, flicker, look, needed_frames, watch
 
 SKIP = 4
-LOOK_SEED = 0
-"""With which `make_env` looks."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,8 +35,8 @@ class Arguments:
     """Names of ROMs [default: every game that Gymnasium knows]."""
     decisions: int = 200
     """Random decisions a game."""
-    seed: int = 1
-    """Of play."""
+    seed: int = 10
+    """Of play, another than `make_env` looks at."""
     json: bool = False
     """Print one JSON object as the only line of standard output."""
 
@@ -77,15 +76,25 @@ def measure(arguments: Arguments) -> Iterator[Row]:
     ids = {spec.kwargs["game"]: name for name, spec in gym.registry.items() if name.startswith("ALE/")}
     for game in arguments.games or sorted(ids):
         env = make_env(ids[game], EnvironmentConfig(sticky_actions=0.0))
-        look = watch(env, SKIP, LOOK_SEED)
-        chosen, pooling = needed_frames(flicker(look))
+        seen = look(env, SKIP)
+        chosen, pooling = needed_frames(flicker(seen, pairs=True))
         play = watch(env, SKIP, arguments.seed, arguments.decisions)
         env.close()
-        pool = brightest if pooling == "brightest" else partial(farthest, background=background_of(look))
+        grounds = followed(play, background_of(seen)) if pooling == "farthest" else None
         yield Row(
             game=game, by_frames=flicker(play), chosen=chosen, pooling=pooling,
-            left=flicker(play, pool)[chosen - 1].blinking,
+            left=flicker(play, grounds)[chosen - 1].blinking,
         )  # fmt: skip
+
+
+def followed(play: NDArray[np.uint8], background: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
+    """Return what is known to be behind everything at the end of each decision."""
+    ground, grounds = Ground(background, play[0, 0]), []
+    for decision in play:
+        for frame in decision:
+            ground.see(frame)
+        grounds.append(ground.colours.copy())
+    return grounds
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ import pytest
 
 from semrl.envs import EnvironmentConfig, make_env
 from semrl.envs.environment import blinking, pooled_frames
-from semrl.envs.flicker import background_of, farthest, flicker, needed_frames, watch
+from semrl.envs.flicker import STEADY_FRAMES, Ground, background_of, farthest, flicker, needed_frames, watch
 
 SKIP = 4
 
@@ -72,21 +72,35 @@ def test_dark_sprites_need_what_is_farthest_from_the_background():
     measured = flicker(dark)
     assert measured[0].blinking > 0.5 and needed_frames(measured) == (SKIP, "farthest")
     background = background_of(dark)
-    pooled = flicker(dark, lambda frames: farthest(frames, background))
+    pooled = flicker(dark, [background] * len(dark))
     assert pooled[SKIP - 1].blinking == pooled[SKIP - 1].unshown == 0
 
 
-@pytest.mark.parametrize("stride", [1, 2, 3])
 @pytest.mark.parametrize("seed", range(3))
-def test_farthest_is_the_latest_frame_with_the_greatest_difference(stride, seed):
+def test_farthest_is_the_latest_frame_with_the_greatest_difference(seed):
     rng = np.random.default_rng(seed)
     frames = list(rng.integers(0, 3, (3, 7, 8, 3), np.uint8) * 100)
-    small = rng.integers(0, 3, (7, 8, 3), np.uint8)[::stride, ::stride] * 100
-    shown = farthest(frames, small)
+    background = rng.integers(0, 3, (7, 8, 3), np.uint8) * 100
+    shown = farthest(frames, background)
     for y, x in np.ndindex(7, 8):
-        distances = [int(np.abs(one[y, x] - small[y // stride, x // stride].astype(int)).sum()) for one in frames]
+        distances = [int(np.abs(one[y, x] - background[y, x].astype(int)).sum()) for one in frames]
         latest = max(i for i in range(3) if distances[i] == max(distances))
         np.testing.assert_array_equal(shown[y, x], frames[latest][y, x])
+
+
+@pytest.mark.parametrize("stride", [1, 2, 3])
+def test_the_ground_follows_what_stays_and_nothing_that_blinks(stride):
+    known = np.full((-(-12 // stride), -(-20 // stride), 3), 50, np.uint8)
+    first = np.full((12, 20, 3), 50, np.uint8)
+    ground = Ground(known, first)
+    for t in range(40):
+        frame = first.copy()
+        frame[:4] = 90  # a part changes for good
+        if t % 4 < 3:
+            frame[6:9, 5:9] = 200  # blinks in its place
+        ground.see(frame)
+        assert (ground.colours[:4] == (90 if t >= STEADY_FRAMES - 1 else 50)).all()
+        assert (ground.colours[4:] == 50).all()
 
 
 class Blinker(gym.Env):

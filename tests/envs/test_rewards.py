@@ -4,7 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from semrl.core.errors import SemrlError
+from semrl.core.errors import UsageError
 from semrl.envs import Game
 from semrl.envs.game import LARGEST_REWARD
 from semrl.training import RunFolder
@@ -38,7 +38,7 @@ def test_the_reward_and_the_decision_are_named(odd):
     game = Game(Paying(odd), seed=0)
     game.reset()
     assert [game.step(0).reward for _ in range(3)] == [1.0] * 3
-    with pytest.raises(SemrlError, match=r"the environment gave the reward .* for decision 3 of the episode of seed"):
+    with pytest.raises(UsageError, match=r"the environment gave the reward .* for decision 3 of the episode of seed"):
         game.step(0)
 
 
@@ -57,6 +57,6 @@ def test_training_ends_in_one_line(call, tmp_path, tiny_toml, odd, clip):
         gym.register(name, Paying, kwargs={"odd": odd})
     settings = tiny_toml("baseline", env=name, environment__frame_skip=1, decisions=40, dqn__clip_rewards=clip)
     result = call("train", "--config", settings, "--run", tmp_path / "run", "--json")
-    assert result.status == 1 and result.out == ""
+    assert result.status == 2 and result.out == ""
     assert f"the environment gave the reward {odd} for decision 3" in result.message
     assert RunFolder.open(tmp_path / "run").manifest()["status"] == "failed"

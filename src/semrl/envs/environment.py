@@ -12,7 +12,17 @@ from numpy.typing import NDArray
 
 from semrl.core.errors import UsageError
 from semrl.envs.actions import NOOP, Env, action_meanings, choose_actions, discrete, title
-from semrl.envs.flicker import Flicker, Pooling, background_of, brightest, farthest, flicker, needed_frames, watch
+from semrl.envs.flicker import (
+    Flicker,
+    Ground,
+    Pooling,
+    background_of,
+    brightest,
+    farthest,
+    flicker,
+    look,
+    needed_frames,
+)
 from semrl.envs.making import find_spec, is_atari, make_seen
 from semrl.envs.pictures import as_rgb
 from semrl.envs.variants import names_of, varied
@@ -88,10 +98,18 @@ class FrameSkip(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs
         gym.utils.RecordConstructorArgs.__init__(self, frames=frames, max_frames=max_frames, pooling=pooling)
         super().__init__(env)
         self.background = _watched(env, frames).background if pooling == "farthest" else None
+        self.ground: Ground | None = None
         self.pooling = pooling
         self.frames = frames
         self.max_frames = max_frames
         self.seen: list[Any] = []
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode; see `gymnasium.Env.reset`."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        if self.background is not None:
+            self.ground = Ground(self.background, observation)
+        return observation, info
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Repeat the action; see `gymnasium.Env.step`."""
@@ -99,6 +117,8 @@ class FrameSkip(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs
         for _ in range(self.frames):
             observation, reward, terminated, truncated, info = self.env.step(action)
             self.seen.append(observation)
+            if self.ground is not None:
+                self.ground.see(observation)
             total += float(reward)
             if terminated or truncated:
                 break
@@ -107,7 +127,7 @@ class FrameSkip(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs
     def _pooled(self, last: list[Any]) -> Any:
         if len(last) == 1:
             return last[0]
-        return brightest(last) if self.background is None else farthest(last, self.background)
+        return brightest(last) if self.ground is None else farthest(last, self.ground.colours)
 
 
 class NoopStart(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs):
@@ -245,8 +265,8 @@ def _watched(env: Env, skip: int) -> _Watched:
     layer = env
     while not isinstance(layer, FrameSkip) and isinstance(layer, gym.Wrapper):
         layer = layer.env
-    frames = watch(layer.env if isinstance(layer, FrameSkip) else env, skip, seed=0)
-    measured = _Watched(by_frames=flicker(frames), background=background_of(frames))
+    frames = look(layer.env if isinstance(layer, FrameSkip) else env, skip)
+    measured = _Watched(by_frames=flicker(frames, pairs=True), background=background_of(frames))
     if key:
         _WATCHED[key] = measured
     return measured

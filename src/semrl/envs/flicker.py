@@ -20,14 +20,21 @@ from semrl.envs.actions import Env
 Pooling = Literal["brightest", "farthest"]
 """What of several frames is shown at a pixel: the brightest, or what is farthest from the background."""
 
-DECISIONS = 60
-"""Random decisions that are looked at."""
+SEEDS, DECISIONS = 4, 120
+"""Episodes and random decisions of each that are played for a look: much begins to blink only after a while, or does so
+in some games and not in others."""
+
+EVERY = 8
+"""Of these decisions, a pair of neighbours in so many is looked at."""
 
 BLINKING = 0.01
 """Share of what is lit that may blink unseen; more, and an environment is said to blink."""
 
 _SURELY = 0.6
 """So much of that share is allowed where frames are chosen, since longer play may blink more."""
+
+STEADY_FRAMES = 8
+"""What a pixel shows for so many frames is behind what blinks, which changes sooner."""
 
 STEP_PX = 3
 """What moves goes at most so far in one frame; what is no nearer to anything lit in the next frame has vanished."""
@@ -61,8 +68,38 @@ def brightest(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
     return shown
 
 
+class Ground:
+    """What is behind the things that move or blink, followed from frame to frame of an episode.
+
+    Parameters
+    ----------
+    background
+        ``(h, w, 3)``, as far as is known at the beginning, or smaller where rows and columns were left out evenly.
+    frame
+        ``(h, w, 3)``, the first.
+
+    Attributes
+    ----------
+    colours : ndarray
+        ``(h, w, 3)`` uint8.
+    """
+
+    def __init__(self, background: NDArray[np.uint8], frame: NDArray[np.uint8]) -> None:
+        height, width = frame.shape[:2]
+        stride = -(-height // background.shape[0])
+        self.colours = background.repeat(stride, axis=0)[:height].repeat(stride, axis=1)[:, :width].copy()
+        self._last, self._steady = frame.copy(), np.ones((height, width), np.int64)
+
+    def see(self, frame: NDArray[np.uint8]) -> None:
+        """Take in the next frame."""
+        self._steady = np.where((frame == self._last).all(axis=-1), self._steady + 1, 1)
+        settled = self._steady >= STEADY_FRAMES
+        self.colours[settled] = frame[settled]
+        self._last = frame.copy()
+
+
 def flicker(
-    frames: NDArray[np.uint8], pool: Callable[[Sequence[NDArray[np.uint8]]], NDArray[np.uint8]] = brightest
+    frames: NDArray[np.uint8], grounds: Sequence[NDArray[np.uint8]] | None = None, *, pairs: bool = False
 ) -> tuple[Flicker, ...]:
     """Measure what is seen of all frames by pooling the last one, the last two, and so on, of each skip.
 
@@ -72,18 +109,23 @@ def flicker(
     ----------
     frames
         ``(decisions, skip, h, w, 3)``, every frame of every decision, in order.
-    pool
-        What is shown of several frames, `brightest` or `farthest` from a background.
+    grounds
+        ``(h, w, 3)`` for each decision, from which what is shown is `farthest`; the `brightest` is shown when None.
+    pairs
+        Whether only every second decision follows the one before, as `look` has them.
     """
     skip = frames.shape[1]
     background = background_of(frames)
     lit = [(one != background).any(axis=-1) for one in frames]
     counts = np.zeros((skip, 4), np.int64)
-    for one, mask, later in zip(frames, lit, lit[1:], strict=False):
+    for i in range(0, len(frames) - 1, 2 if pairs else 1):
+        one, mask, later = frames[i], lit[i], lit[i + 1]
         gone, union = _gone(mask), mask.any(axis=0)
         back = gone & ~_things(gone, away_from=np.asarray(later.any(axis=0)))
         for number in range(1, skip + 1):
-            shown = (pool(list(one[-number:])) != background).any(axis=-1)
+            last = list(one[-number:])
+            pooled = brightest(last) if grounds is None else farthest(last, grounds[i])
+            shown = (pooled != background).any(axis=-1)
             parts = union, union & ~shown, back & ~shown, shown & ~mask[-1] & ~gone
             counts[number - 1] += [np.count_nonzero(part) for part in parts]
     shares = counts[:, 1:] / np.maximum(counts[:, :1], 1)
@@ -112,18 +154,23 @@ def farthest(frames: Sequence[NDArray[np.uint8]], background: NDArray[np.uint8])
     frames
         ``(h, w, 3)`` each, in order.
     background
-        ``(h, w, 3)``, or smaller where rows and columns were left out evenly.
+        ``(h, w, 3)``.
     """
-    height, width = frames[0].shape[:2]
-    stride = -(-height // background.shape[0])
-    behind = background.repeat(stride, axis=0)[:height].repeat(stride, axis=1)[:, :width].astype(np.int16)
     latest = np.stack(frames[::-1])
-    choice = np.abs(latest - behind).sum(axis=-1).argmax(axis=0)
+    choice = np.abs(latest - background.astype(np.int16)).sum(axis=-1).argmax(axis=0)
     shown: NDArray[np.uint8] = np.take_along_axis(latest, choice[None, ..., None], axis=0)[0]
     return shown
 
 
-def watch(env: Env, skip: int, seed: int, decisions: int = DECISIONS) -> NDArray[np.uint8]:
+def look(env: Env, skip: int) -> NDArray[np.uint8]:
+    """Play as `watch` does from several seeds, and return pairs of neighbours, one after the other."""
+    plays = [watch(env, skip, seed, DECISIONS, keep=lambda i: i % EVERY < 2) for seed in range(SEEDS)]
+    return np.concatenate(plays)
+
+
+def watch(
+    env: Env, skip: int, seed: int, decisions: int, keep: Callable[[int], bool] = lambda _: True
+) -> NDArray[np.uint8]:
     """Play at random, each action for some frames, and return ``(decisions, skip, h, w, 3)``, every frame.
 
     Parameters
@@ -136,12 +183,18 @@ def watch(env: Env, skip: int, seed: int, decisions: int = DECISIONS) -> NDArray
         Of the episode and of the actions.
     decisions
         To be played; an episode that ends is begun anew.
+    keep
+        Whether a decision's frames are to be returned, by its number.
     """
     rng = np.random.default_rng(seed)
     frame = env.reset(seed=seed)[0]
     stride = int(np.ceil(np.sqrt(frame.shape[0] * frame.shape[1] / MOST_PIXELS)))
     step = _Emulator(env, rng) if hasattr(env.unwrapped, "ale") else _Stepping(env, seed)
-    seen = [[step.frame(hold=i > 0)[::stride, ::stride] for i in range(skip)] for _ in range(decisions)]
+    seen = []
+    for number in range(decisions):
+        frames = [step.frame(hold=i > 0)[::stride, ::stride] for i in range(skip)]
+        if keep(number):
+            seen.append(frames)
     return np.array(seen, np.uint8)
 
 

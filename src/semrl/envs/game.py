@@ -8,7 +8,7 @@ import numpy as np
 
 from semrl.core import Frame, Ints, Observation, Outcome
 from semrl.core.arrays import Arrays, array_to_rng, rng_to_array
-from semrl.core.errors import SemrlError
+from semrl.core.errors import SemrlError, UsageError
 from semrl.envs.actions import Env
 
 LARGEST_REWARD = 1e18
@@ -69,7 +69,7 @@ class Game:
 
         Raises
         ------
-        SemrlError
+        UsageError
             When it is not a number, not finite or too large: what is learned from it would be blamed instead.
         """
         try:
@@ -78,7 +78,7 @@ class Game:
             number = math.nan
         if abs(number) <= LARGEST_REWARD:
             return number
-        raise SemrlError(
+        raise UsageError(
             f"the environment gave the reward {reward} for decision {len(self._actions) - 1} of the episode of seed "
             f"{self._episode_seed}; a reward must be a number from -{LARGEST_REWARD:g} to {LARGEST_REWARD:g}"
         )

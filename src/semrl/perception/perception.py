@@ -88,7 +88,7 @@ class Perception:
         objects = self.detector.detect(frame)
         reduced = self.reducer.transform(objects.features)
         classes = self.classes(objects)
-        return follow(tracks, objects, classes, reduced, self.config.tracking, self.jumps.reach_px_)
+        return follow(tracks, objects, classes, reduced, self.config.tracking, reach_px=self.jumps.reach_px_)
 
     def assign(self, tracks: Tracks) -> Tracks:
         """Give the tracks their roles."""

@@ -34,7 +34,7 @@ def tracked(frames, reach_px):
     for frame in frames:
         classes = np.array([number for number, *_ in frame], np.int64)
         seen, features = objects([place for _, *place in frame]), 2 * np.eye(N_CLASSES, dtype=np.float32)[classes]
-        tracks = follow(tracks, seen, classes, features, TrackingConfig(), reach_px)
+        tracks = follow(tracks, seen, classes, features, TrackingConfig(), reach_px=reach_px)
         yield tracks
 
 

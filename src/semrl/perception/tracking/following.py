@@ -45,7 +45,7 @@ def no_tracks(n_features: int) -> Tracks:
 
 
 def follow(
-    tracks: Tracks, objects: Objects, classes: Ints, features: Floats, config: TrackingConfig, reach_px: float = 0.0
+    tracks: Tracks, objects: Objects, classes: Ints, features: Floats, config: TrackingConfig, *, reach_px: float = 0.0
 ) -> Tracks:
     """Find the tracks again in the objects of the next frame.
 

@@ -20,7 +20,7 @@ LEAST_EVEN_SHARE = 0.5
 If things left and came by chance, each at a rate of its own, it would be 0.2 at most, whatever the rates."""
 
 LONGEST_PX = IMAGE_SIZE_PX / 3
-"""Jumps are no longer than this, in the middle; places that have nothing to do with each other are half a side apart."""
+"""Jumps are no longer than this, in the middle; places that have nothing to do with each other are farther apart."""
 
 COVERED = 0.95
 """Share of the jumps that are within reach; the farthest may be something else."""
