@@ -1,6 +1,7 @@
 """``semrl knowledge``: what a run knows is listed, edited with a log and undo, exported; forbidden classes shield."""
 
 import json
+import re
 import shutil
 
 import pyoxigraph as ox
@@ -11,6 +12,7 @@ from semrl.evaluation import evaluate
 from semrl.evaluation.knowledge import load_knowledge
 from semrl.evaluation.player import load_player
 from semrl.evaluation.shield import shielded
+from semrl.knowledge.manchester import read_manchester
 from semrl.planning.goal_planner import GoalPlanner
 
 
@@ -105,6 +107,40 @@ def test_the_export_can_be_read(run, call, tmp_path, suffix):
     told = [o for s, p, o in triples if s == f"<{base}Upper>" and p.endswith("comment>")]
     assert told == ['"In the upper part."']
     assert (f"<{base}autonomous>", "<http://www.w3.org/2000/01/rdf-schema#subClassOf>", f"<{base}thing>") in triples
+
+
+def test_the_export_in_manchester_syntax_says_the_same(run, call, tmp_path):
+    call("knowledge", run, "add", "Upper", "thing.y < 40 or count(thing) >= 2", "--comment", 'In the "upper" part.')
+    path = tmp_path / "words.omn"
+    assert call("knowledge", run, "--export", path).status == 0
+    known = load_knowledge(run)
+    words, text = known.now.words, path.read_text()
+    assert f"Prefix: : <{known.base}>" in text and 'rdfs:comment "In the \\"upper\\" part."' in text
+    told = dict(re.findall(r"^Class: (\w+)\n.*\n    EquivalentTo: (.*)$", text, re.MULTILINE))
+    assert set(told) == set(words.definitions)
+    for name, definition in words.definitions.items():
+        assert read_manchester(told[name], words) == definition.expression
+    frames = re.findall(r"^(Class|ObjectProperty|DataProperty|Individual): (\w+)$", text, re.MULTILINE)
+    assert {name for kind, name in frames if kind == "Class"} == set(words.class_names)
+    assert [name for kind, name in frames if kind == "ObjectProperty"] == list(words.role_names)
+    assert [name for kind, name in frames if kind == "DataProperty"] == list(words.numbers)
+    assert [name for kind, name in frames if kind == "Individual"] == list(words.individuals)
+    assert "    SubClassOf: thing" in text and "DisjointClasses: thing, border" in text
+
+
+@pytest.mark.parametrize("policy", ["goal", "planner", "agent"])
+def test_playing_for_a_goal_keeps_out_of_what_is_forbidden(run, call, policy):
+    call("knowledge", run, "add", "High", "thing.y < 101", "--forbid")
+    lost = json.loads(call("play", run, "--goal", "thing", "--policy", policy, "--json").out)
+    assert lost["reached"] == 0  # it is there at once, and nowhere else to go
+    assert call("knowledge", run, "disable", "High").status == 0
+    assert json.loads(call("play", run, "--goal", "thing", "--policy", policy, "--json").out)["reached"] == 1
+
+
+def test_a_goal_that_is_forbidden_is_refused_before_play(run, call):
+    call("knowledge", run, "add", "High", "thing.y < 40", "--forbid")
+    told = call("play", run, "--goal", "thing.y < 30 and High")
+    assert told.status == 2 and "contradicts itself" in told.message
 
 
 def test_play_is_shielded_from_what_is_forbidden(run, call):

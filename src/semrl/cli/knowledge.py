@@ -10,14 +10,15 @@ import tyro
 from semrl.cli.arguments import parse
 from semrl.cli.progress import console
 from semrl.core.errors import UsageError
-from semrl.core.files import require_writable, write_atomic
+from semrl.core.files import require_writable, write_atomic, write_text
 from semrl.core.strict_json import dumps
 from semrl.evaluation.knowledge import RunKnowledge, edit_knowledge, load_knowledge
 from semrl.knowledge.edits import Edit, incoherences
+from semrl.knowledge.omn import write_omn
 from semrl.knowledge.owl import to_triples, write_owl
 
 Action = Literal["list", "add", "disable", "enable", "assert", "undo", "check"]
-_SUFFIXES = (".ttl", ".owl")
+_SUFFIXES = (".ttl", ".owl", ".omn")
 _WORDS = {"add": 2, "disable": 1, "enable": 1, "assert": 1}
 """Action → how many words must follow it."""
 
@@ -49,7 +50,7 @@ class KnowledgeArguments:
     comment: str = ""
     """With add: what the class is, in words."""
     export: Path | None = None
-    """Also write the ontology in OWL: .ttl or .owl."""
+    """Also write the ontology in OWL: .ttl, .owl, or .omn, which is Manchester syntax."""
     json: bool = False
     """Print one JSON object as the only line of standard output."""
 
@@ -80,7 +81,7 @@ def _check(arguments: KnowledgeArguments) -> None:
         raise UsageError(f"'{arguments.action}' takes {wanted} words after it, not {len(arguments.words)}")
     if arguments.export:
         if arguments.export.suffix.lower() not in _SUFFIXES:
-            raise UsageError(f"an ontology is exported as {' or '.join(_SUFFIXES)}, not as {arguments.export.name}")
+            raise UsageError(f"an ontology is exported as {', '.join(_SUFFIXES)}, not as {arguments.export.name}")
         require_writable(arguments.export)
 
 
@@ -100,7 +101,11 @@ def _edit(arguments: KnowledgeArguments) -> Edit | None:
 
 def _export(known: RunKnowledge, path: Path) -> None:
     provenance = {"wasDerivedFrom": str(known.run), "value": f"{known.decisions} decisions of training"}
-    triples = to_triples(known.now.words, known.base, about=f"What {known.run.name} knows", provenance=provenance)
+    about = f"What {known.run.name} knows"
+    if path.suffix.lower() == ".omn":
+        write_text(path, write_omn(known.now.words, known.base, about=about, provenance=provenance))
+        return
+    triples = to_triples(known.now.words, known.base, about=about, provenance=provenance)
     written = write_owl(triples, known.base, path.suffix.lower())
     write_atomic(path, lambda file: file.write(written))
 

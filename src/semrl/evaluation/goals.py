@@ -15,9 +15,11 @@ from semrl.core.errors import UsageError
 from semrl.envs import Game
 from semrl.evaluation.player import Player, load_player
 from semrl.evaluation.scores import EVALUATION_SEED
+from semrl.evaluation.shield import keeping_out
 from semrl.evaluation.words import RunWords, knowledge_of, node_states, words_of_run
 from semrl.knowledge.compiler import Classifier
 from semrl.knowledge.distance import Distance
+from semrl.knowledge.edits import enabled_forbidden
 from semrl.knowledge.goals import Goal, Progress, read_goal, require_possible_goal
 from semrl.planning.goal_planner import GoalPlanner, Verdicts
 from semrl.planning.module import PlanningModule
@@ -138,6 +140,8 @@ def play_for_goal(
 ) -> GoalResult:
     """Play a run for a goal, with the world model and the map that it has learned for the reward.
 
+    What people have forbidden is kept out of: a trial in which it is entered is lost.
+
     Parameters
     ----------
     run
@@ -164,15 +168,7 @@ def play_for_goal(
     """
     if trials < 1 or max_decisions < 1 or (seed is not None and seed < 0):
         raise UsageError("trials and decisions must be 1 or more, and seed 0 or more")
-    player = load_player(run, memory=True, adapt=_asking_all)
-    planning = player.require_predictions(run)
-    words = words_of_run(player, run)
-    words = replace(words, words=knowledge_of(words, run).words)
-    goal = read_goal(text, words.words, hold=hold, until=until, avoid=avoid)
-    require_possible_goal(goal, words.words)
-    watch = GoalWatch(goal, words, planning)
-    if policy == "goal":
-        planning.planner = GoalPlanner(planning.planner, watch, planning.config.long_term)
+    player, watch = _prepared(run, policy, text, hold=hold, until=until, avoid=avoid)
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
     ended: list[int | None] = []
     with limited_threads(player.config.threads), contextlib.closing(player.new_env()) as env:
@@ -184,6 +180,24 @@ def play_for_goal(
             on_trial(trial, ended[-1])
     reached = sum(one is not None for one in ended)
     return GoalResult(run=str(run), goal=text, trials=trials, reached=reached, share=reached / trials, decisions=ended)
+
+
+def _prepared(
+    run: str | Path, policy: GoalPolicy, text: str, *, hold: int, until: str | None, avoid: str | None
+) -> tuple[Player, GoalWatch]:
+    """Load who plays, and read what is sought; what people have forbidden is kept out of."""
+    player = load_player(run, memory=True, adapt=_asking_all)
+    planning = player.require_predictions(run)
+    words = words_of_run(player, run)
+    known = knowledge_of(words, run)
+    words = replace(words, words=known.words)
+    goal = read_goal(text, words.words, hold=hold, until=until, avoid=avoid, forbidden=enabled_forbidden(known))
+    require_possible_goal(goal, words.words)
+    watch = GoalWatch(goal, words, planning)
+    if policy == "goal":
+        planning.planner = GoalPlanner(planning.planner, watch, planning.config.long_term)
+        return player, watch
+    return keeping_out(player, words, known), watch
 
 
 def _chooser(player: Player, game: Game, rng: np.random.Generator, policy: GoalPolicy) -> Callable[[Step], int]:

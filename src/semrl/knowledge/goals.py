@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from semrl.core.errors import UsageError
 from semrl.knowledge.condition import expression_of, tree_of
 from semrl.knowledge.consistency import require_possible
-from semrl.knowledge.expressions import Bottom, Expression, Not, Top, conjunction
+from semrl.knowledge.expressions import Bottom, Expression, Named, Not, Top, conjunction
 from semrl.knowledge.manchester import is_manchester, read_manchester
 from semrl.knowledge.ontology import Ontology
 
@@ -45,7 +45,15 @@ class Goal:
         return tuple(dict.fromkeys(every))
 
 
-def read_goal(text: str, words: Ontology, *, hold: int = 1, until: str | None = None, avoid: str | None = None) -> Goal:
+def read_goal(
+    text: str,
+    words: Ontology,
+    *,
+    hold: int = 1,
+    until: str | None = None,
+    avoid: str | None = None,
+    forbidden: Sequence[str] = (),
+) -> Goal:
     """Read a goal.
 
     It is a condition (see `read_condition`), or a class expression in Manchester syntax, that is to hold at some time.
@@ -64,6 +72,8 @@ def read_goal(text: str, words: Ontology, *, hold: int = 1, until: str | None = 
         A condition up to which the goal must be kept, in place of reaching it.
     avoid
         A condition that must never hold meanwhile.
+    forbidden
+        Classes of scenes that must never be entered meanwhile.
 
     Raises
     ------
@@ -77,7 +87,8 @@ def read_goal(text: str, words: Ontology, *, hold: int = 1, until: str | None = 
         if hold > 1 or len(tasks) != 1 or len(tasks[0]) != 1 or tasks[0][0].keep != Top():
             raise UsageError("'until' goes with a plain condition, which is kept until another one holds")
         tasks = [(Stage(reach=read_expression(until, words), keep=tasks[0][0].reach),)]
-    shunned = Top() if avoid is None else Not(read_expression(avoid, words))
+    kept_out = [Named(name) for name in forbidden] + ([] if avoid is None else [read_expression(avoid, words)])
+    shunned = conjunction(*map(Not, kept_out))
     finished = [(*task[:-1], replace(task[-1], hold=hold)) for task in tasks]
     return Goal(tasks=tuple(tuple(_without(stage, shunned) for stage in task) for task in finished))
 

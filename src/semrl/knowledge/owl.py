@@ -29,7 +29,8 @@ from semrl.knowledge.vocabulary import PREFIXES
 PROV = "http://www.w3.org/ns/prov#"
 _FACETS = {"<": "maxExclusive", "<=": "maxInclusive", ">": "minExclusive", ">=": "minInclusive"}
 _FORMATS = {".ttl": ox.RdfFormat.TURTLE, ".owl": ox.RdfFormat.RDF_XML}
-_SCENES = "What is seen at one decision, as a whole."
+SCENES = "What is seen at one decision, as a whole."
+"""What the class of scenes is, in words."""
 
 _Term = ox.NamedNode | ox.BlankNode | ox.Literal
 
@@ -163,7 +164,7 @@ def _ontology(told: _Triples, about: str, provenance: Mapping[str, str]) -> None
 
 
 def _classes(told: _Triples, words: Ontology) -> None:
-    for name, comment in {SCENE: _SCENES, **words.concepts}.items():
+    for name, comment in {SCENE: SCENES, **words.concepts}.items():
         _named(told, name, "owl:Class", comment)
     for below, above in words.parents:
         told.add(told.own(below), "rdfs:subClassOf", told.own(above))
@@ -187,7 +188,7 @@ def _classes(told: _Triples, words: Ontology) -> None:
 
 
 def _roles(told: _Triples, words: Ontology) -> None:
-    counted = _counted(words)
+    counted = counted_roles(words)
     _named(told, "contains", "owl:ObjectProperty", "From a scene to its things.")
     told.add(told.own("contains"), "rdfs:domain", told.own(SCENE))
     comments = {role.name: role.comment for role in words.roles}
@@ -210,7 +211,7 @@ def _roles(told: _Triples, words: Ontology) -> None:
         told.add(told.own(name), "rdfs:range", node("xsd:double"))
 
 
-def _counted(words: Ontology) -> set[str]:
+def counted_roles(words: Ontology) -> set[str]:
     """Return the roles that definitions count along, or ask to lead back to where they start."""
     every = (part for one in words.definitions.values() for part in walk(one.expression))
     return {part.role for part in every if isinstance(part, AtLeast | AtMost | HasSelf)}
