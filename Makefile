@@ -15,7 +15,7 @@ install: .venv/.installed  ## make .venv with everything in it
 
 .venv/.installed: pyproject.toml constraints.txt
 	test -d .venv || $(PYTHON) -m venv .venv
-	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,docs,thesis,sb3,tensorboard,watch]'
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,docs,thesis,sb3,tensorboard,watch,optuna,minari]'
 	touch $@
 
 demo: install  ## train on Pong for a few minutes, evaluate, write a report

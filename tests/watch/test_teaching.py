@@ -76,6 +76,15 @@ def test_what_is_reached_hands_back_and_what_is_lost_is_sought_anew(session):
     assert session.moment.pursuit is None and session.policy == "agent"
 
 
+def test_the_reason_is_the_goal_or_what_is_forbidden_also_on_the_page(session):
+    session.tell(edit_of(HIGH))
+    assert "forbidden" in of_moment(session)["plan"]["reason"] and "forbidden" in session.explain().reason
+    session.tell(edit_of({"undo": True}))
+    assert "forbidden" not in of_moment(session)["plan"]["reason"]
+    session.seek("always(true)")
+    assert "goal" in of_moment(session)["plan"]["reason"] and "goal" in session.explain().reason
+
+
 def test_the_moment_goes_back_with_its_goal(session):
     session.step()
     session.seek("always(true)")

@@ -243,7 +243,7 @@ class WatchSession:
         if by == "person":
             raise UsageError("there is nothing to explain: a person took this decision")
         ours = itertools.takewhile(lambda m: m.by != "person", moments[1:])
-        return explain_played(
+        explained = explain_played(
             self.player,
             [self.moment.step, *(m.step for m in ours)],
             self.moment.sight,
@@ -252,6 +252,10 @@ class WatchSession:
             seed=self.seed,
             episode=self.moment.episode,
         )
+        record = self.moment.step.record
+        if record is None or record.plan is None:
+            return explained
+        return replace(explained, reason=self.teaching.reason(record.plan, self.moment.pursuit))
 
     def write_video(self, path: Path, count: int) -> None:
         """Film up to so many moments of the episode up to what is shown, as ``.mp4`` or ``.gif``; see `write_video`."""

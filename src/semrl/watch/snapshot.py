@@ -12,8 +12,7 @@ from semrl.core import IMAGE_SIZE_PX, Floats, Frame, MapGraph, Plan, Sight
 from semrl.evaluation.rules import unit_of
 from semrl.evaluation.sight import CLASS_COLOURS
 from semrl.evaluation.video import imagined_ways
-from semrl.knowledge.edits import enabled_forbidden, standing
-from semrl.planning import reason
+from semrl.knowledge.edits import standing
 from semrl.training.loop import Step
 from semrl.watch.session import WatchSession
 from semrl.watch.teaching import told_of
@@ -207,20 +206,8 @@ def _plan(session: WatchSession) -> dict[str, Any] | None:
     return {
         "scenarios": [_scenario(plan, i, names) for i in np.sort(different)[:SCENARIOS_SHOWN].tolist()],
         "compared": len(plan.scenarios),
-        "reason": _reason(session, plan),
+        "reason": session.teaching.reason(plan, session.moment.pursuit),
     }
-
-
-def _reason(session: WatchSession, plan: Plan) -> str:
-    """Say why the first scenario is the first: by the goal, what is forbidden, or the thesis's order."""
-    pursuit, known = session.moment.pursuit, session.teaching.known
-    if pursuit is not None and pursuit.state == "sought":
-        if pursuit.ahead is None:
-            return "No scenario reaches the goal; scenario 1 comes closest to it."
-        return f"Scenario 1 reaches the goal soonest, after {pursuit.ahead} of its decisions."
-    if known is not None and enabled_forbidden(known):
-        return "Scenario 1 is the best of those that keep out of the forbidden classes most and longest."
-    return reason(plan)
 
 
 def _scenario(plan: Plan, i: int, names: tuple[str, ...]) -> dict[str, Any]:

@@ -14,9 +14,10 @@ from semrl.evaluation.player import Player
 from semrl.evaluation.shield import keeping_out
 from semrl.evaluation.words import RunWords, words_of_run
 from semrl.knowledge.compiler import Classifier
-from semrl.knowledge.edits import Edit, Edited, edited, read_log, standing
+from semrl.knowledge.edits import Edit, Edited, edited, enabled_forbidden, read_log, standing
 from semrl.knowledge.goals import read_goal, require_possible_goal
 from semrl.knowledge.writing import write_condition
+from semrl.planning import reason
 from semrl.planning.goal_planner import GoalPlanner
 from semrl.planning.long_term import Routes
 from semrl.training.loop import Step
@@ -196,6 +197,16 @@ class Teaching:
             ahead=ahead if ahead <= imagined.shape[1] else None,
             distance=distance if np.isfinite(distance) and distance < 1e5 else None,
         )
+
+    def reason(self, plan: Plan, pursuit: Pursuit | None) -> str:
+        """Say why the first scenario is the first: by the goal, what is forbidden, or the thesis's order."""
+        if pursuit is not None and pursuit.state == "sought":
+            if pursuit.ahead is None:
+                return "No scenario reaches the goal; scenario 1 comes closest to it."
+            return f"Scenario 1 reaches the goal soonest, after {pursuit.ahead} of its decisions."
+        if self.known is not None and enabled_forbidden(self.known):
+            return "Scenario 1 is the best of those that keep out of the forbidden classes most and longest."
+        return reason(plan)
 
     def classes(self, step: Step, before: Step) -> list[dict[str, Any]]:
         """Tell the defined classes: what they are, whether they count, and of what of a step they hold."""
