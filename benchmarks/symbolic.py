@@ -33,6 +33,8 @@ class Arguments:
     """To learn from."""
     seeds: int = 3
     """Of learning."""
+    first_seed: int = 0
+    """The first of these."""
     layouts: int = 20
     """That were not learned from, for each seed."""
     most: int = 200
@@ -57,7 +59,8 @@ class Row:
 
 def main(arguments: Arguments) -> None:
     """Learn, solve, tell."""
-    rows = [measured(world, seed, arguments) for world in arguments.worlds for seed in range(arguments.seeds)]
+    seeds = range(arguments.first_seed, arguments.first_seed + arguments.seeds)
+    rows = [measured(world, seed, arguments) for world in arguments.worlds for seed in seeds]
     print(json.dumps({"machine": machine.describe(), **asdict(arguments), "rows": [asdict(row) for row in rows]}))
 
 
