@@ -218,7 +218,7 @@ class Concepts:
     def _uses(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Tell which ground blocks, and which is lost when it is touched.
 
-        What was hardly touched yet is taken for what has pieces as thick: bricks of another colour.
+        What was hardly touched yet is taken for what is as thick and most nearly as long: bricks of another colour.
         """
         touches = np.array([self._counts.touches[group].sum(axis=0) for group in self._groups]).reshape(-1, 3)
         thick = self.sizes_px_.min(axis=1)
@@ -227,8 +227,9 @@ class Concepts:
         for number in np.flatnonzero(self._ground & ~often):
             same = often & (np.abs(thick - thick[number]) <= _SAME_PX)
             if same.any():
-                most = int(np.where(same, touches[:, 0], -1).argmax())
-                blocks[number], is_lost[number] = blocks[most], is_lost[most]
+                lengths = self.sizes_px_.max(axis=1)
+                alike = int(np.where(same, np.abs(lengths - lengths[number]), np.inf).argmin())
+                blocks[number], is_lost[number] = blocks[alike], is_lost[alike]
         return blocks, is_lost
 
     def _alike(self) -> Ints:
