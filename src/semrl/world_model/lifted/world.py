@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.concepts import Concepts, SceneBuilder
-from semrl.concepts.scenes import CONCEPT, PLACE, WIDTH, X
+from semrl.concepts.scenes import CONCEPT, HEIGHT, PLACE, WIDTH, X, Y
 from semrl.core import Floats, History, Ints, Scenarios, Trajectory
 from semrl.core.arrays import Arrays, array_to_json, json_to_array, nest, unnest
 from semrl.core.errors import UsageError
@@ -22,6 +22,13 @@ from semrl.world_model.lifted.growing import Member, Seen, find_teller, grow_mem
 from semrl.world_model.lifted.play import Play
 from semrl.world_model.lifted.rolling import Trees, roll
 from semrl.world_model.rules import Rule
+
+
+_BORDER_PX = 1.0
+"""What reaches no farther in among the things that move is a border."""
+
+_STRAYS = 0.05
+"""Share of the places of what moves beyond each border: some are mistakes."""
 
 
 class LiftedWorld:
@@ -176,7 +183,7 @@ class LiftedWorld:
         kinds, numbers = self._relations(objects)  # there may be more concepts than when the trees were grown
         families = [
             " or ".join(
-                table.names[k] for k in np.flatnonzero((kinds.moving | self._matters) & (alike == alike[number]))
+                table.names[k] for k in np.flatnonzero((kinds.relation_of >= 0) & (alike == alike[number]))
             )
             for number in numbers
         ]
@@ -238,17 +245,13 @@ class LiftedWorld:
         totals = np.zeros(len(c), np.int64)
         np.add.at(totals, c.families_[moving], counts[moving])
         order = np.argsort(-totals, kind="stable")[: self.config.relations]
-        grounds = np.flatnonzero(used & self._matters)
-        families = np.concatenate([order[totals[order] > 0], np.unique(c.families_[grounds])]).astype(np.int64)
+        matters = used & (c.is_lost_ | (c.blocks_ & _are_inside(objects, moving)))
+        families = np.concatenate([order[totals[order] > 0], np.unique(c.families_[matters])]).astype(np.int64)
         relation_of = np.full(len(c), -1, np.int64)
         for relation, family in enumerate(families):
-            relation_of[(moving | self._matters) & (c.families_ == family)] = relation
+            relation_of[(moving | matters) & (c.families_ == family)] = relation
         return Kinds(relation_of, moving, c.controlled_ & moving), families
 
-    @property
-    def _matters(self) -> NDArray[np.bool_]:
-        """Which concepts are ground that does something to what touches it, or that is lost then, ``(c,)``."""
-        return np.asarray(self.concepts.blocks_ | self.concepts.is_lost_)
 
     def _relevant(self, objects: Floats) -> Floats:
         """Return the objects that are predicted, or that others are related to."""
@@ -299,6 +302,22 @@ class LiftedWorld:
     def _pack(self) -> None:
         """Note the trees as the compiled code wants them."""
         self._trees = [(member.nodes, member.roots[None]) for member in self._members]
+
+
+def _are_inside(objects: Floats, moving: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Tell of which concepts there are things among those that move, ``(c,)``: where borders are, each knows itself."""
+    known = objects[objects[:, CONCEPT] >= 0]
+    concepts = known[:, CONCEPT].astype(np.int64)
+    middles, halves = known[:, X : Y + 1], known[:, WIDTH : HEIGHT + 1] / 2
+    inside = np.zeros(len(moving), np.bool_)
+    for number in np.flatnonzero(moving):
+        own = concepts == number
+        if not own.any():
+            continue
+        low, high = np.quantile(middles[own], (_STRAYS, 1 - _STRAYS), axis=0)
+        overlaps = (np.minimum(middles + halves, high) - np.maximum(middles - halves, low)).min(axis=1)
+        inside[concepts[overlaps > _BORDER_PX]] = True
+    return inside
 
 
 def _shown(middle: Floats, size: float, limits: tuple[float, float]) -> Floats:
