@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from semrl.core import Floats
 from semrl.world_model.lifted.features import ACTION, N_OWN, N_RELATION, TOUCHING_NEXT
+from semrl.world_model.lifted.play import LATER_VX
 from semrl.world_model.rules import Rule
 
 REWARD = "the reward"
@@ -61,7 +62,7 @@ def read_lists(rows: Floats, targets: Floats, about: About, n_actions: int) -> l
     rows
         ``(n, f)``, see `semrl.world_model.lifted.features.describe`.
     targets
-        ``(n, 7)``, see `semrl.world_model.lifted.play.TARGETS`.
+        ``(n, 10)``, see `semrl.world_model.lifted.play.TARGETS`.
     about
         The concept.
     n_actions
@@ -110,7 +111,7 @@ def _events(rows: Floats, targets: Floats, about: About) -> list[_Event]:
     """Return what is to be explained of a concept: turns, what vanishes, rewards."""
     events = []
     for axis, name in enumerate(("vx", "vy")):
-        before, after = rows[:, axis], targets[:, 5 + axis]
+        before, after = rows[:, axis], targets[:, LATER_VX + axis]
         possible = ~np.isnan(after) & (np.abs(before) >= LEAST_SPEED_PX)
         turned = possible & (np.sign(after) == -np.sign(before))
         mirrored = turned & (np.abs(after + before) <= SAME_PX)
@@ -171,9 +172,9 @@ def _rule(event: _Event, said: tuple[str, ...], covered: Mask) -> Rule:
 def _effects(rows: Floats, targets: Floats, about: About, n_actions: int) -> list[Rule]:
     """Say to which velocity each action leads, soonest or one decision later, along the axis that it matters to."""
     done = rows[:, ACTION].astype(np.int64)
-    shares = {column: _explained(targets[:, column], done, n_actions) for column in (0, 1, 5, 6)}
+    shares = {column: _explained(targets[:, column], done, n_actions) for column in (0, 1, LATER_VX, LATER_VX + 1)}
     column = max(shares, key=lambda one: shares[one])
-    axis = column % 5
+    axis = column % LATER_VX
     name, after, rules = ("vx", "vy")[axis], targets[:, column], []
     for action in range(n_actions):
         values = after[(done == action) & ~np.isnan(after)]

@@ -12,13 +12,15 @@ from semrl.world_model.cart import bins_of, grow_tree
 from semrl.world_model.lifted.config import LiftedConfig
 from semrl.world_model.lifted.features import ACTION, N_OWN
 from semrl.world_model.lifted.motion import grow_motion
-from semrl.world_model.lifted.play import TARGETS
+from semrl.world_model.lifted.play import ENTRY, TARGETS
 from semrl.world_model.tree_kernels import NODE
 
 Seen = tuple[Floats, Floats]
-"""What is asked of the things of one concept, ``(n, f)``, and their targets, ``(n, 7)``."""
+"""What is asked of the things of one concept, ``(n, f)``, and their targets, ``(n, 10)``."""
 
 _FEWEST = 20  # sightings that trees are grown from
+_FEWEST_ENTRIES = 5  # successors that were seen to come in
+_ENTRY_PX = 3.0  # or decisions; what comes in so near to where and when it is expected was foretold
 _GOOD_SHARE = 0.9  # of what the best explains
 
 
@@ -28,7 +30,7 @@ class Member(NamedTuple):
     nodes: NDArray[Any]
     """``(m,)`` of `NODE`."""
     roots: Ints
-    """``(c, 5)`` int64: where the tree for each target of each concept begins; −1 where there is none."""
+    """``(c, 8)`` int64: where the tree for each target of each concept begins; −1 where there is none."""
 
     @classmethod
     def empty(cls) -> "Member":
@@ -45,7 +47,9 @@ class Member(NamedTuple):
         nodes = np.empty(len(arrays["column"]), NODE)
         for name in NODE.names or ():
             nodes[name] = arrays[name]
-        return cls(nodes, arrays["roots"])
+        roots = np.full((len(arrays["roots"]), len(TARGETS)), -1, np.int64)
+        roots[:, : arrays["roots"].shape[1]] = arrays["roots"]  # older checkpoints knew no successors
+        return cls(nodes, roots)
 
 
 def grow_member(
@@ -82,13 +86,33 @@ def grow_member(
         places, cuts = bins_of(rows)
         share = config.draw_share if draws else 1.0
         drawn = np.sort(rng.choice(len(rows), max(round(share * len(rows)), 1), replace=False))
-        for target in range(5 if concept == teller else 3):
-            nodes = _grow((places, cuts, rows), targets, drawn, target, config)
+        grown = {
+            k: _grow((places, cuts, rows), targets, drawn, k, config) for k in range(5 if concept == teller else 3)
+        }
+        grown |= _entries((places, cuts, rows), targets, drawn, config)
+        for target, nodes in grown.items():
             nodes["left"] += np.where(nodes["column"] >= 0, size, 0).astype(np.int32)
             roots[concept, target] = size
             trees.append(nodes)
             size += len(nodes)
     return Member(np.concatenate([np.empty(0, NODE), *trees]), roots)
+
+
+def _entries(
+    sight: tuple[NDArray[np.uint16], list[Floats], Floats], targets: Floats, drawn: Ints, config: LiftedConfig
+) -> dict[int, NDArray[Any]]:
+    """Grow trees of where and when successors come in; none where they mostly come in somewhere else than foretold."""
+    places, cuts, rows = sight
+    vanished = drawn[targets[drawn, 2] > 0]
+    drawn = vanished[~np.isnan(targets[vanished, ENTRY])]
+    if len(drawn) < _FEWEST_ENTRIES:
+        return {}
+    grown, right = {}, np.ones(len(drawn), np.bool_)
+    for target in range(ENTRY, len(TARGETS)):
+        wanted = np.nan_to_num(targets[:, target]).astype(np.float64)
+        grown[target] = _pruned(grow_tree(places, cuts, wanted, drawn, config.leaf_things), config.least_gain_px2)
+        right &= np.abs(_told(grown[target], rows[drawn]) - wanted[drawn]) <= _ENTRY_PX
+    return grown if 2 * right.sum() >= len(vanished) else {}
 
 
 def find_teller(seen: dict[int, Seen], config: LiftedConfig) -> int:

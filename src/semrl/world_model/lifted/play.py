@@ -3,7 +3,7 @@
 import numpy as np
 
 from semrl.concepts import Concepts, SceneBuilder
-from semrl.concepts.scenes import CONCEPT, IDENTITY, VX, VY, X, Y
+from semrl.concepts.scenes import CONCEPT, IDENTITY, PLACE, VX, VY, X, Y
 from semrl.core import NO_ACTION, Floats, Ints, Trajectory
 from semrl.core.arrays import Arrays
 from semrl.core.kernels import compiled
@@ -11,10 +11,20 @@ from semrl.core.things import no_things
 from semrl.world_model.experience import discounted
 from semrl.world_model.lifted.features import PAST_ACTIONS, Kinds, describe, width
 
-TARGETS = ("vx", "vy", "vanishes", "reward", "return")
-"""What is predicted of a thing: its next velocity, whether it is gone then, the reward now, and the return from now.
+TARGETS = ("vx", "vy", "vanishes", "reward", "return", "entry x", "entry y", "absence")
+"""What is predicted of a thing: its next velocity, whether it is gone then, the reward now, and the return from now; of
+what vanishes, where its successor comes in, the next thing with its slot, and after how many decisions.
 
 Behind them stands the velocity after the next one: what turns between two decisions has turned by then."""
+
+ENTRY = 5
+"""Place of the first target about successors."""
+
+LATER_VX = len(TARGETS)
+"""Column of the velocity after the next one."""
+
+LONGEST_ABSENCE = 10
+"""Decisions: what comes in later is no successor."""
 
 _END = -1  # stands for the action after the last state of an episode
 
@@ -64,10 +74,10 @@ class Play:
         return SceneBuilder(concepts).objects(self.things, np.cumsum(self.sizes), fresh)
 
     def rows(self, objects: Floats, concept: int, kinds: Kinds, discount: float) -> tuple[Floats, Floats]:
-        """Return what is asked of each thing of a concept, ``(n, f)``, and `TARGETS`, ``(n, 7)``.
+        """Return what is asked of each thing of a concept, ``(n, f)``, and `TARGETS`, ``(n, 10)``.
 
         Also of what is seen for the first time: how it was served is told by its place.
-        The next velocity of what is gone is not a number.
+        The next velocity of what is gone is not a number, nor are place and time of a successor that never comes.
         """
         signs = np.sign(self.rewards).astype(np.float32)
         returns = discounted(signs, self.actions == _END, discount)
@@ -94,7 +104,7 @@ def _rows(  # noqa: PLR0917 - compiled functions take no keywords
     n = 0
     for i in range(len(objects)):
         n += objects[i, CONCEPT] == concept
-    rows, targets = np.empty((n, width(relations)), np.float32), np.empty((n, 7), np.float32)
+    rows, targets = np.empty((n, width(relations)), np.float32), np.full((n, LATER_VX + 2), np.nan, np.float32)
     now = np.empty(PAST_ACTIONS + 1, np.float32)
     n, begin, since = 0, 0, 0
     for t in range(len(ends) - 1):
@@ -109,6 +119,8 @@ def _rows(  # noqa: PLR0917 - compiled functions take no keywords
                 last = ends[t + 2] if t + 2 < len(ends) and actions[t + 1] >= 0 else after
                 _what_came(objects[i], objects[end:after], objects[after:last], targets[n])
                 targets[n, 3:5] = gains[t]
+                if targets[n, 2] and objects[i, PLACE] >= 0:
+                    _who_follows(objects, i, (ends, actions), t, targets[n])
                 n += 1
         since = since + 1 if actions[t] >= 0 else 0
         begin = end
@@ -118,7 +130,6 @@ def _rows(  # noqa: PLR0917 - compiled functions take no keywords
 @compiled
 def _what_came(one: Floats, following: Floats, later: Floats, target: Floats) -> None:
     """Write the next velocity of an object, whether it is gone, and the velocity after the next one."""
-    target[0] = target[1] = target[5] = target[6] = np.nan
     target[2] = 1
     for j in range(len(following)):
         if following[j, IDENTITY] == one[IDENTITY] and following[j, CONCEPT] >= 0:
@@ -126,7 +137,21 @@ def _what_came(one: Floats, following: Floats, later: Floats, target: Floats) ->
             target[2] = 0
             for k in range(len(later)):
                 if later[k, IDENTITY] == one[IDENTITY] and later[k, CONCEPT] >= 0:
-                    target[5], target[6] = later[k, X] - following[j, X], later[k, Y] - following[j, Y]
+                    target[LATER_VX] = later[k, X] - following[j, X]
+                    target[LATER_VX + 1] = later[k, Y] - following[j, Y]
+
+
+@compiled
+def _who_follows(objects: Floats, i: int, when: tuple[Ints, Ints], t: int, target: Floats) -> None:
+    """Write where the next thing with the slot of one that vanishes comes in, and after how many decisions."""
+    ends, actions = when
+    for later in range(1, LONGEST_ABSENCE + 1):
+        if t + later >= len(ends) or actions[t + later - 1] < 0:
+            return
+        for j in range(ends[t + later - 1], ends[t + later]):
+            if objects[j, PLACE] == objects[i, PLACE] and objects[j, CONCEPT] >= 0:
+                target[ENTRY], target[ENTRY + 1], target[ENTRY + 2] = objects[j, X], objects[j, Y], later
+                return
 
 
 VELOCITIES = VX, VY

@@ -10,10 +10,14 @@ from semrl.core import Floats, Ints
 from semrl.core.kernels import compiled
 from semrl.world_model.lifted.features import PAST_ACTIONS, Kinds, describe, width
 from semrl.world_model.lifted.motion import ABSOLUTE
+from semrl.world_model.lifted.play import ENTRY
 from semrl.world_model.tree_kernels import branches
 
+_AWAY = -2
+"""Of a thing whose successor will come in, in place of its concept: this, less the concept; its age is how soon."""
+
 Trees = tuple[NDArray[Any], Ints]
-"""``(m,)`` of `NODE` and ``(members, c, 5)`` roots among them; −1 where there is no tree."""
+"""``(m,)`` of `NODE` and ``(members, c, 8)`` roots among them; −1 where there is no tree."""
 
 
 @compiled
@@ -114,6 +118,9 @@ def _step(  # noqa: PLR0917
     reward = 0.0
     for i in range(len(now)):
         concept = int(now[i, CONCEPT])
+        if concept <= _AWAY:
+            _wait(after[i])
+            continue
         if concept < 0 or not kinds.moving[concept] or roots[concept, 0] < 0:
             continue
         describe(now, i, actions, kinds, row)
@@ -123,7 +130,14 @@ def _step(  # noqa: PLR0917
                 reward = brings
         one = after[i]
         if _ask(nodes, roots[concept, 2], row, 0.0) > 0.5:
-            one[CONCEPT] = -1
+            if roots[concept, ENTRY] < 0:
+                one[CONCEPT] = -1
+            else:
+                one[X] = _ask(nodes, roots[concept, ENTRY], row, 0.0)
+                one[Y] = _ask(nodes, roots[concept, ENTRY + 1], row, 0.0)
+                one[AGE] = -max(np.rint(_ask(nodes, roots[concept, ENTRY + 2], row, 0.0)), 1.0)
+                one[CONCEPT] = _AWAY - concept
+                _wait(one)
             continue
         vx, vy = _ask(nodes, roots[concept, 0], row, now[i, VX]), _ask(nodes, roots[concept, 1], row, now[i, VY])
         one[VX_2], one[VY_2], one[VX_1], one[VY_1] = now[i, VX_1], now[i, VY_1], now[i, VX], now[i, VY]
@@ -131,6 +145,16 @@ def _step(  # noqa: PLR0917
         one[X], one[Y] = now[i, X] + vx, now[i, Y] + vy
         one[AGE] = min(now[i, AGE] + 1, 4)
     return reward
+
+
+@compiled
+def _wait(one: Floats) -> None:
+    """Let a decision go by for what is away; what comes in is seen for the first time."""
+    one[AGE] += 1
+    if one[AGE] >= 0:
+        one[CONCEPT] = _AWAY - one[CONCEPT]
+        one[AGE] = 0
+        one[VX : VY_2 + 1] = 0
 
 
 @compiled

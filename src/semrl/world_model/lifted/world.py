@@ -182,9 +182,7 @@ class LiftedWorld:
         objects = self.play.objects(self.concepts)
         kinds, numbers = self._relations(objects)  # there may be more concepts than when the trees were grown
         families = [
-            " or ".join(
-                table.names[k] for k in np.flatnonzero((kinds.relation_of >= 0) & (alike == alike[number]))
-            )
+            " or ".join(table.names[k] for k in np.flatnonzero((kinds.relation_of >= 0) & (alike == alike[number])))
             for number in numbers
         ]
         counts = np.bincount(objects[objects[:, CONCEPT] >= 0, CONCEPT].astype(np.int64), minlength=len(table))
@@ -251,7 +249,6 @@ class LiftedWorld:
         for relation, family in enumerate(families):
             relation_of[(moving | matters) & (c.families_ == family)] = relation
         return Kinds(relation_of, moving, c.controlled_ & moving), families
-
 
     def _relevant(self, objects: Floats) -> Floats:
         """Return the objects that are predicted, or that others are related to."""
