@@ -3,8 +3,9 @@
 Perception is that of the preset ``semrl`` for the model ``objects-map``. Play is random; of games whose RAM tells where
 ball and paddle are, every other episode is played by somebody who reads it and keeps the ball in play. Each model
 learns from as many decisions of both, and is tested on episodes after them: share of the tracked objects within 4 px
-of where they are 5 and 20 decisions later, where no reward comes before and they are seen at both times; share of first
-rewards within 20 decisions of which sign and time (within 2) are predicted; and how many of those predicted come.
+of where they are 1, 5 and 20 decisions later, where no reward comes before and they are seen at both times; share of
+first rewards within 20 decisions of which sign and time (within 2) are predicted; and how many of those predicted come.
+``blind`` is the lifted model that is not told of what stands still in the background.
 
     python benchmarks/lifted.py [--game NAME] [--decisions N ...] [--seed S] [--json]
 """
@@ -22,6 +23,7 @@ from rich.console import Console
 from rich.table import Table
 
 from semrl.core import History, Trajectory
+from semrl.core.things import GROUND, STILL
 from semrl.envs import Game, make_env
 from semrl.envs.ram import GAMES
 from semrl.perception.encoders.objects import ObjectsEncoder
@@ -31,7 +33,7 @@ from semrl.training.stored_play import learn_to_see
 from semrl.world_model import LiftedWorld, TreeWorld
 from semrl.world_model.protocol import WorldModel
 
-HORIZONS = (5, 20)
+HORIZONS = (1, 5, 20)
 NEAR_PX = 4
 LATE = 2
 """Decisions that a reward may come before or after its time."""
@@ -67,7 +69,7 @@ def main(arguments: Arguments) -> None:
         rows = [
             {"decisions": n, "model": name, **judge(name, config, encoder, game.n_actions, pools, n, arguments.test)}
             for n in sorted(arguments.decisions)
-            for name in ("trees", "lifted")
+            for name in ("trees", "blind", "lifted")
         ]
         kind = machine.describe()
     told = {"game": arguments.game, "seed": arguments.seed, "rows": rows, "machine": kind}
@@ -135,10 +137,18 @@ def judge(  # noqa: PLR0917
     begun = time.process_time()
     for pool in pools:
         for trajectory in between(pool, 0, decisions // len(pools)):
-            world.partial_fit(trajectory)
+            world.partial_fit(shown(trajectory, name))
     fitted = time.process_time() - begun
-    tested = [t for pool in pools for t in between(pool, sum(map(len, pool)) - test // len(pools), test // len(pools))]
+    each = test // len(pools)
+    tested = [shown(t, name) for pool in pools for t in between(pool, sum(map(len, pool)) - each, each)]
     return {"fit_seconds": fitted, **score(world, tested, space.names[::3])}
+
+
+def shown(trajectory: Trajectory, name: str) -> Trajectory:
+    """Return an episode as a model of this name is told of it."""
+    if name != "blind":
+        return trajectory
+    return replace(trajectory, things=tuple(things[things[:, STILL] != GROUND] for things in trajectory.things))
 
 
 def between(pool: list[Trajectory], first: int, count: int) -> Iterator[Trajectory]:
@@ -220,7 +230,9 @@ def show(told: dict[str, Any]) -> None:
         times = f"{row['fit_seconds']:.1f}", f"{row['imagine_ms']:.1f}"
         table.add_row(f"{row['decisions']:,}", row["model"], *cells, *rates, *times)
     console = Console(width=160)
-    console.print(f"{told['game']}, seed {told['seed']}: % within {NEAR_PX} px, 5 / 20 decisions ahead")
+    console.print(
+        f"{told['game']}, seed {told['seed']}: % within {NEAR_PX} px, {' / '.join(map(str, HORIZONS))} decisions ahead"
+    )
     console.print(table)
     console.print(machine.sentence(told["machine"]), highlight=False)
 

@@ -23,7 +23,6 @@ from semrl.world_model.lifted.play import Play
 from semrl.world_model.lifted.rolling import Trees, roll
 from semrl.world_model.rules import Rule
 
-
 _BORDER_PX = 1.0
 """What reaches no farther in among the things that move is a border."""
 
