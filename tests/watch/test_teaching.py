@@ -76,6 +76,15 @@ def test_what_is_reached_hands_back_and_what_is_lost_is_sought_anew(session):
     assert session.moment.pursuit is None and session.policy == "agent"
 
 
+def test_a_goal_in_what_is_forbidden_cannot_be_had(session):
+    session.tell(edit_of(HIGH))
+    with pytest.raises(UsageError, match="contradicts itself"):
+        session.seek("thing.y < 50")
+    session.tell(edit_of({"class": "High", "on": False}))
+    session.seek("thing.y < 50")
+    assert session.moment.pursuit.state == "sought"
+
+
 def test_the_reason_is_the_goal_or_what_is_forbidden_also_on_the_page(session):
     session.tell(edit_of(HIGH))
     assert "forbidden" in of_moment(session)["plan"]["reason"] and "forbidden" in session.explain().reason
@@ -237,5 +246,6 @@ def test_what_is_told_is_json(session):
         assert 0 <= told["goal"]["done"] <= 1 and told["place"]["to"] in ("goal", "gain")
         session.step()
     assert set(about(session)["words"]) == {"trouble", "example", "classes", "numbers", "roles", "individuals"}
+    session.tell(edit_of({"undo": True}))
     session.seek(about(session)["words"]["example"])
     assert np.isfinite(session.moment.pursuit.done)

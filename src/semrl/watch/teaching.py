@@ -111,7 +111,7 @@ class Teaching:
         return None if routes is planning.routes else routes
 
     def seek(self, text: str, now: Step) -> None:
-        """Play for a goal from a step on; see `read_goal`.
+        """Play for a goal from a step on, and keep out of what is forbidden; see `read_goal`.
 
         Raises
         ------
@@ -119,7 +119,7 @@ class Teaching:
             When it is malformed, in unknown words, or cannot be had; the message says why.
         """
         words, known = self._required()
-        goal = read_goal(text, known.words)
+        goal = read_goal(text, known.words, forbidden=enabled_forbidden(known))
         require_possible_goal(goal, known.words)
         assert self._trained.planning is not None
         self._watch = GoalWatch(goal, replace(words, words=known.words), self._trained.planning)
