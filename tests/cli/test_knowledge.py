@@ -8,7 +8,7 @@ import pyoxigraph as ox
 import pytest
 
 from semrl.core.errors import UsageError
-from semrl.evaluation import evaluate
+from semrl.evaluation import evaluate, explain
 from semrl.evaluation.knowledge import load_knowledge
 from semrl.evaluation.player import load_player
 from semrl.evaluation.shield import shielded
@@ -172,3 +172,12 @@ def test_what_is_disabled_does_not_count(run, call):
 def test_only_three_ways_to_count_classes_are_known(tracked_run):
     with pytest.raises(UsageError, match=r"off, on, shuffled"):
         evaluate(tracked_run, episodes=1, classes="maybe")
+
+
+def test_an_explanation_is_of_the_game_that_is_shielded(run, call):
+    call("knowledge", run, "add", "High", "thing.y < 40", "--forbid")
+    done = []
+    evaluate(run, episodes=1, max_decisions=12, on_step=lambda _episode, step: done.append(step.action))
+    names = load_player(run).action_names
+    for step in (3, 9):
+        assert explain(run, episode=0, step=step).choice.action == names[done[step + 1]]

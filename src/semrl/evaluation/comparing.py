@@ -14,9 +14,10 @@ from sklearn.metrics import adjusted_mutual_info_score
 from semrl.core import Outcome
 from semrl.core.errors import SemrlError, UsageError
 from semrl.evaluation.comparison import Comparison, Decider, MapComparison, Parting, RuleComparison, Score, Words
-from semrl.evaluation.player import Player, Policy, load_player
+from semrl.evaluation.player import Player, Policy
 from semrl.evaluation.rules import MOST, rules_of
 from semrl.evaluation.scores import EVALUATION_SEED
+from semrl.evaluation.shield import load_shielded
 from semrl.evaluation.statistics import interquartile_mean
 from semrl.planning import reason
 from semrl.training.config import to_dict
@@ -95,7 +96,7 @@ def compare(
 
 
 def _load(run: str, policy: Policy) -> Player:
-    player = load_player(run).under(exploration=0.0)
+    player = load_shielded(run, exploration=0.0)
     if player.perceiving:
         raise UsageError(f"{run} has not learned to see yet, so there is no agent to compare: it needs more decisions")
     if policy == "planner":

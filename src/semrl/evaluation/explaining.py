@@ -20,9 +20,10 @@ from semrl.evaluation.explanation import (
     PlanFeature,
     Rollout,
 )
-from semrl.evaluation.player import Player, Policy, load_player
+from semrl.evaluation.player import Player, Policy
 from semrl.evaluation.rules import unit_of
 from semrl.evaluation.scores import EVALUATION_SEED
+from semrl.evaluation.shield import load_shielded
 from semrl.evaluation.sight import look
 from semrl.planning import edge_costs, edges_along, reason
 from semrl.planning.module import PlanningModule
@@ -76,7 +77,7 @@ def explain(
     """
     if min(episode, step, seed or 0) < 0:
         raise UsageError(f"episode, step and seed must be 0 or more, not {episode}, {step} and {seed}")
-    player = load_player(run, at).under(**conditions)
+    player = load_shielded(run, at, **conditions)
     player.require_predictions(run)
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
     episodes = contextlib.closing(player.episode(episode, seed, policy))

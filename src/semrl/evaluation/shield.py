@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semrl.core import Floats, MapGraph, Plan
-from semrl.evaluation.player import Player
+from semrl.evaluation.player import Player, load_player
 from semrl.evaluation.words import RunWords, knowledge_of, words_of_run
 from semrl.knowledge.compiler import Classifier
 from semrl.knowledge.edits import Edited, enabled_forbidden, read_log
@@ -72,6 +73,18 @@ def shielded(player: Player, run: str | Path) -> Player:
     player.require_predictions(run)
     words = words_of_run(player, run)
     return keeping_out(player, words, knowledge_of(words, run))
+
+
+def load_shielded(run: str | Path, at: int | None = None, **conditions: Any) -> Player:
+    """Return a player as `load_player` does, under some conditions of evaluation; it keeps out of what is forbidden.
+
+    Raises
+    ------
+    UsageError
+        As `load_player` and `shielded`.
+    """
+    memory = bool(read_log(Path(run)))  # from it classes are learned, of which people may have spoken
+    return shielded(load_player(run, at, memory=memory).under(**conditions), run)
 
 
 def keeping_out(player: Player, words: RunWords, known: Edited) -> Player:
