@@ -15,6 +15,7 @@ from semrl.core.errors import DataError, UsageError
 from semrl.core.protocols import Saved
 from semrl.perception.detection.foreground_kernels import Places, draw_objects, find_components, vote
 from semrl.perception.detection.parts import Parts
+from semrl.perception.detection.restless import Restless
 
 _PIECES = 4
 """An object may be found in so many pieces, on average."""
@@ -46,10 +47,11 @@ class ForegroundDetector(Saved):
     """Objects are connected pixels of one colour, or pieces that go together, that differ from the background.
 
     The background is the colour that a pixel has most of the time, found by majority vote (Boyer & Moore,
-    "MJRTY: a fast majority vote algorithm", 1991), so what stands still is no object. Positions are means over
-    an object's pixels in the full frame, told in pixels of the 84×84 image. Crops are drawn around an object's
-    own middle, so that they do not change with its place; a pixel counts a fifth for being there and up to four for
-    its grey level, so that black objects are seen too. Objects larger than the window are drawn smaller, not cut.
+    "MJRTY: a fast majority vote algorithm", 1991), so what stands still is no object, and neither is what
+    changes in the same places all the time (see `Restless`). Positions are means over an object's pixels in the full
+    frame, told in pixels of the 84×84 image. Crops are drawn around an object's own middle, so that they do not change
+    with its place; a pixel counts a fifth for being there and up to four for its grey level, so that black objects are
+    seen too. Objects larger than the window are drawn smaller, not cut.
 
     Attributes
     ----------
@@ -57,7 +59,7 @@ class ForegroundDetector(Saved):
         Frames that the background was learned from.
     """
 
-    SAVED, PARTS = ("frames_", "_background", "_votes"), ("_parts",)
+    SAVED, PARTS = ("frames_", "_background", "_votes"), ("_parts", "_restless")
 
     crop_size_px = 8
     """Edge of the window of one object, in pixels of the 84×84 image."""
@@ -68,6 +70,7 @@ class ForegroundDetector(Saved):
         self._background: Frame = np.zeros((0, 0, 0), np.uint8)
         self._votes: NDArray[np.int32] = np.zeros((0, 0), np.int32)
         self._parts = Parts(self.config.parts_share)
+        self._restless = Restless()
 
     @property
     def is_fitted(self) -> bool:
@@ -92,7 +95,12 @@ class ForegroundDetector(Saved):
                 self._background, self._votes = np.zeros_like(pixels), np.zeros(pixels.shape[:2], np.int32)
             vote(pixels, self._background, self._votes)
             self.frames_ += 1
-            if 2 * self.frames_ > self.config.background_frames:  # by now it is known well enough
+            if 2 * self.frames_ <= self.config.background_frames:
+                self._restless.learn(pixels)
+            else:  # by now the background is known well enough
+                self._restless.settle(self._background)
+                pieces = find_components(pixels, self._background, self.config.contrast)
+                self._restless.check(*pieces, pixels.shape[1])
                 self._parts.learn(pixels, *self._components(pixels))
             if self.is_fitted:
                 self._parts.settle(self._background)
@@ -116,7 +124,8 @@ class ForegroundDetector(Saved):
 
     def _components(self, pixels: Frame) -> tuple[Places, Ints]:
         """Return pieces of one colour; of very many only the largest, since all are compared with each other."""
-        places, ends = find_components(pixels, self._background, self.config.contrast)
+        calm = self._restless.calmed(pixels, self._background)
+        places, ends = find_components(calm, self._background, self.config.contrast)
         most = _PIECES * self.config.max_objects
         if len(ends) <= most:
             return places, ends
