@@ -48,6 +48,8 @@ class Objects:
     edges_px: Floats | None = None
     """``(n, 4)`` float32: left, top, right and bottom as exactly as the detector knows them, in pixels of the 84×84
     image, the last two exclusive; None where it knows no more than the boxes."""
+    colours: Floats | None = None
+    """``(n, 3)`` float32: mean red, green and blue in 0 … 255; None where the detector knows no colours."""
 
     def __len__(self) -> int:
         return len(self.crops)
@@ -82,6 +84,8 @@ class Tracks:
     """``(n,)`` int64, decisions since it was last seen; 0 for what is seen."""
     moves: Ints
     """``(n,)`` int64, decisions at which it was seen in another place than before."""
+    colours: Floats
+    """``(n, 3)`` float32, mean red, green and blue in 0 … 255 when last seen; zeros where there are none."""
     roles: Ints
     """``(n,)`` int64, the role that each has (`semrl.perception.tracking.SlotAssigner`); −1 for none."""
     born: Ints

@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from semrl.core.named import Floats
+from semrl.core.named import Floats, Ints
 from semrl.core.seen import Tracks
 
 ID, KIND, STILL, OWN, SLOT, LEFT, TOP, RIGHT, BOTTOM = range(9)
-"""Columns of a thing: identity in the episode, class number (§3.2.2), 1 if it stays where it is, 1 if actions move it,
-its place in the list of tracked objects (−1: none), its edges in pixels of the 84×84 image, the last two exclusive."""
+"""Columns of a thing: identity in the episode, kind (class number, §3.2.2, or one for a class and colour), 1 if
+it stays where it is, 1 if actions move it, its place in the list of tracked objects (−1: none), its edges in pixels of
+the 84×84 image, the last two exclusive."""
 
 GROUND = 2
 """In place of 1 in the column `STILL`: a piece of the background, of which the class number is that of its colour."""
@@ -26,20 +27,22 @@ def no_things() -> Floats:
     return np.zeros((0, COLUMNS), np.float32)
 
 
-def things_of(tracks: Tracks, slots: Floats, own: Floats) -> Floats:
+def things_of(tracks: Tracks, kinds: Ints, slots: Floats, own: Floats) -> Floats:
     """Write the tracks that are seen as things, ``(n, 9)`` float32, in the order of their identities.
 
     Parameters
     ----------
     tracks
         With their roles.
+    kinds
+        ``(n,)``, of each.
     slots, own
         ``(r + 1,)`` for each role, and at the end for what has none: its slot, and 1 where actions move it.
     """
     seen = np.flatnonzero(tracks.time_since_update == 0)
     roles, ages = tracks.roles[seen], tracks.ages[seen]
     things = np.empty((len(seen), COLUMNS), np.float32)
-    things[:, ID], things[:, KIND] = tracks.ids[seen], tracks.classes[seen]
+    things[:, ID], things[:, KIND] = tracks.ids[seen], kinds[seen]
     things[:, OWN], things[:, SLOT] = own[roles], slots[roles]
     things[:, STILL] = (tracks.moves[seen] < _STILL_SHARE * np.maximum(ages, 1)) & (things[:, SLOT] < 0)
     things[:, LEFT:] = tracks.edges_px[seen]

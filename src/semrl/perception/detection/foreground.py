@@ -115,8 +115,8 @@ class ForegroundDetector(Saved):
         sizes = np.diff(ends, prepend=0)
         kept = np.sort(np.argsort(-sizes, kind="stable")[: self.config.max_objects])
         drawn = draw_objects(pixels, places, (ends - sizes)[kept], ends[kept], self.crop_size_px, IMAGE_SIZE_PX)
-        crops, centres, boxes, labels, edges = drawn
-        return Objects(crops=crops, centres_px=centres, boxes_px=boxes, labels=labels, edges_px=edges)
+        crops, centres, boxes, labels, edges, colours = drawn
+        return Objects(crops=crops, centres_px=centres, boxes_px=boxes, labels=labels, edges_px=edges, colours=colours)
 
     def components(self, frame: Frame | Image) -> NDArray[np.int32]:
         """Number the objects of a frame, ``(84, 84)``; 0 is background. They are not cut, so these are components."""

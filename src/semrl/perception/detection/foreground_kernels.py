@@ -102,9 +102,9 @@ def find_components(frame: Frame, background: Frame, contrast: int) -> tuple[Pla
 @compiled
 def draw_objects(  # noqa: PLR0917 - compiled functions take no keywords
     frame: Frame, places: Places, starts: Ints, ends: Ints, window_px: int, side_px: int
-) -> tuple[Floats, Floats, Ints, NDArray[np.int32], Floats]:
+) -> tuple[Floats, Floats, Ints, NDArray[np.int32], Floats, Floats]:
     """Measure and draw objects in units of a small image of `side_px` pixels a side; see `Objects`."""
-    height, width, _ = frame.shape
+    height, width, channels = frame.shape
     n = len(starts)
     scale = np.array([side_px / height, side_px / width])
     crops = np.zeros((n, window_px, window_px), np.float32)
@@ -112,22 +112,27 @@ def draw_objects(  # noqa: PLR0917 - compiled functions take no keywords
     boxes = np.zeros((n, 4), np.int64)
     labels = np.zeros((side_px, side_px), np.int32)
     edges = np.zeros((n, 4), np.float32)
+    colours = np.zeros((n, 3), np.float32)
     for i in range(n):
         low, high, total = np.array([height, width]), np.array([-1, -1]), np.zeros(2)
+        shade = np.zeros(3)
         for place in places[starts[i] : ends[i]]:
             r, c = place // width, place % width
             low[0], low[1] = min(low[0], r), min(low[1], c)
             high[0], high[1] = max(high[0], r + 1), max(high[1], c + 1)
             total[0] += r
             total[1] += c
+            for k in range(3):
+                shade[k] += frame[r, c, min(k, channels - 1)]
             labels[int((r + 0.5) * scale[0]), int((c + 0.5) * scale[1])] = i + 1
+        colours[i] = shade / (ends[i] - starts[i])
         for axis in range(2):
             centres[i, axis] = (total[axis] / (ends[i] - starts[i]) + 0.5) * scale[axis] - 0.5
             edges[i, 1 - axis], edges[i, 3 - axis] = low[axis] * scale[axis], high[axis] * scale[axis]
             boxes[i, axis] = int(low[axis] * scale[axis])
             boxes[i, axis + 2] = int(np.ceil(high[axis] * scale[axis])) - boxes[i, axis]
         _draw(frame, places[starts[i] : ends[i]], (low + high) / 2, high - low, scale, crops[i])
-    return crops, centres, boxes, labels, edges
+    return crops, centres, boxes, labels, edges, colours
 
 
 @compiled

@@ -5,13 +5,13 @@ from dataclasses import asdict
 
 import numpy as np
 
-from semrl.core import IMAGE_SIZE_PX, Floats, Observation, Sight, State, StateSpace, Tracks
+from semrl.core import IMAGE_SIZE_PX, Floats, Observation, Sight, State, StateSpace
 from semrl.core.arrays import Arrays, nest, unnest
 from semrl.perception.encoders.through import ThroughPerception
 from semrl.perception.perception import Perception
 from semrl.perception.pretraining.stability import StabilityConfig
 from semrl.perception.pretraining.stages import ClustererStage, DetectorStage, ReducerStage, SlotsStage, Stage
-from semrl.perception.tracking import AXES, SLOT_NUMBERS
+from semrl.perception.tracking import AXES, SLOT_NUMBERS, restored_tracks
 
 PERCENT = 0.01
 """Of the image: the unit in which people are shown places."""
@@ -95,7 +95,7 @@ class TrackedEpisode:
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Go on with the tracks that were saved."""
-        self.tracks = Tracks(**unnest(arrays, "tracks"))
+        self.tracks = restored_tracks(unnest(arrays, "tracks"))
         self._there = arrays.get("there", self._there)  # older checkpoints knew no ground
 
 

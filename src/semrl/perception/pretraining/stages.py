@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from semrl.core import Objects, Observation, SceneGraph, Tracks
+from semrl.core import Objects, Observation, SceneGraph
 from semrl.core.arrays import Arrays, arrays_to_ragged, nest, ragged_to_arrays, unnest
 from semrl.core.errors import UsageError
 from semrl.core.protocols import Persistent, Saved
@@ -19,6 +19,7 @@ from semrl.perception.pretraining.stability import (
     label_agreement,
     mean_absolute_difference,
 )
+from semrl.perception.tracking import restored_tracks
 
 LEAST_FRAMES = 100
 """Frames that are looked at before it is said that there is nothing in them."""
@@ -256,7 +257,7 @@ class SlotsStage(Stage):
     def from_arrays(self, arrays: Arrays) -> None:
         """Go on where the stage was."""
         super().from_arrays(arrays)
-        self._tracks = Tracks(**unnest(arrays, "tracks"))
+        self._tracks = restored_tracks(unnest(arrays, "tracks"))
 
 
 def _nothing(stage: Stage, what: str, advice: str) -> UsageError:

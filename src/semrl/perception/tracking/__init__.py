@@ -1,6 +1,6 @@
 """Objects through time: which is which, where each goes, and which of them matter."""
 
-from semrl.perception.tracking.following import TrackingConfig, follow, no_tracks
+from semrl.perception.tracking.following import TrackingConfig, follow, no_tracks, restored_tracks
 from semrl.perception.tracking.jumps import Jumps
 from semrl.perception.tracking.slots import AXES, SLOT_NUMBERS, SlotAssigner, SlotAssignerConfig
 
@@ -13,4 +13,5 @@ __all__ = [
     "TrackingConfig",
     "follow",
     "no_tracks",
+    "restored_tracks",
 ]

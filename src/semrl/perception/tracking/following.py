@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from semrl.core import IMAGE_SIZE_PX, Floats, Ints, Objects, Tracks
+from semrl.core.arrays import Arrays
 from semrl.core.errors import UsageError
 from semrl.perception.tracking.following_kernels import NO_MATCH, Seen, State, match_costs, move_on
 
@@ -40,7 +41,8 @@ def no_tracks(n_features: int) -> Tracks:
     return Tracks(
         ids=numbers, classes=numbers, features=np.zeros((0, n_features), np.float32), centres_px=points,
         boxes_px=np.zeros((0, 4), np.int64), edges_px=np.zeros((0, 4), np.float32), velocities_px=points, ages=numbers,
-        moves=numbers, time_since_update=numbers, roles=numbers, born=np.array(0, np.int64),
+        moves=numbers, time_since_update=numbers, colours=np.zeros((0, 3), np.float32), roles=numbers,
+        born=np.array(0, np.int64),
     )  # fmt: skip
 
 
@@ -72,7 +74,8 @@ def follow(
     """
     before = State(*(getattr(tracks, name) for name in State._fields))
     edges = edges_of(objects.boxes_px) if objects.edges_px is None else objects.edges_px
-    seen = Seen(classes, features, objects.centres_px, objects.boxes_px, edges)
+    colours = np.zeros((len(objects), 3), np.float32) if objects.colours is None else objects.colours
+    seen = Seen(classes, features, objects.centres_px, objects.boxes_px, edges, colours)
     partners = _matched(match_costs(before, seen, config.gate_px, config.class_cost, config.appearance_cost))
     if reach_px > config.gate_px:
         costs = match_costs(before, seen, reach_px, config.class_cost, config.appearance_cost)
@@ -82,6 +85,12 @@ def follow(
     after = move_on(before, seen, partners, int(tracks.born), config.unseen_decisions, MOVED_PX, IMAGE_SIZE_PX - 1)
     born = max(int(tracks.born), int(after.ids[-1]) + 1) if len(after.ids) else int(tracks.born)
     return Tracks(**after._asdict(), born=np.array(born))
+
+
+def restored_tracks(arrays: Arrays) -> Tracks:
+    """Return tracks that were saved; those of older runs have no colours."""
+    none = np.zeros((len(arrays["ids"]), 3), np.float32)
+    return Tracks(**{"colours": none, **arrays})
 
 
 def edges_of(boxes_px: Ints) -> Floats:

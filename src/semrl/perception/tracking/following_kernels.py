@@ -28,6 +28,7 @@ class State(NamedTuple):
     ages: Ints
     time_since_update: Ints
     moves: Ints
+    colours: Floats
     roles: Ints
 
 
@@ -39,6 +40,7 @@ class Seen(NamedTuple):
     centres_px: Floats
     boxes_px: Ints
     edges_px: Floats
+    colours: Floats
 
 
 @compiled
@@ -97,7 +99,8 @@ def move_on(  # noqa: PLR0917 - compiled functions take no keywords
         np.empty(n, np.int64), np.empty(n, np.int64), np.empty((n, seen.features.shape[1]), np.float32),
         np.empty((n, 2), np.float32), np.empty((n, 4), np.int64), np.empty((n, 4), np.float32),
         np.zeros((n, 2), np.float32),
-        np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n, np.int64), np.full(n, -1, np.int64),
+        np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n, np.int64), np.empty((n, 3), np.float32),
+        np.full(n, -1, np.int64),
     )  # fmt: skip
     for i in range(n_old):
         old = int(kept[i])
@@ -115,7 +118,7 @@ def _keep(after: State, i: int, before: State, old: int, last_px: int) -> None:
     """Let a track go on as it went, unseen, within the image."""
     after.ids[i], after.classes[i] = before.ids[old], before.classes[old]
     after.features[i], after.boxes_px[i] = before.features[old], before.boxes_px[old]
-    after.edges_px[i] = before.edges_px[old]
+    after.edges_px[i], after.colours[i] = before.edges_px[old], before.colours[old]
     after.velocities_px[i] = before.velocities_px[old]
     after.ages[i], after.time_since_update[i] = before.ages[old] + 1, before.time_since_update[old] + 1
     after.moves[i], after.roles[i] = before.moves[old], before.roles[old]
@@ -145,4 +148,4 @@ def _show(after: State, i: int, seen: Seen, j: int) -> None:
     """Take over what an object looks like and where it is."""
     after.classes[i], after.features[i] = seen.classes[j], seen.features[j]
     after.centres_px[i], after.boxes_px[i] = seen.centres_px[j], seen.boxes_px[j]
-    after.edges_px[i] = seen.edges_px[j]
+    after.edges_px[i], after.colours[i] = seen.edges_px[j], seen.colours[j]

@@ -15,6 +15,7 @@ from semrl.core.things import things_of
 from semrl.perception.tracking.controllability import Controllability
 from semrl.perception.tracking.following import MOVED_PX
 from semrl.perception.tracking.slot_statistics import LEAST_MOVING_SHARE, NEVER, STEADY_DECISIONS, SlotStatistics, costs
+from semrl.perception.tracking.tints import Tints
 
 SLOT_NUMBERS = ("x", "y", "seen")
 """What is told of each slot."""
@@ -66,7 +67,7 @@ class SlotAssigner(Saved):
         ``(k,)`` int64, the role in each slot, at most ``slots``; empty while roles are still being learned.
     """
 
-    SAVED, PARTS = ("frames_", "slots_"), ("_statistics", "_controllability")
+    SAVED, PARTS = ("frames_", "slots_"), ("_statistics", "_controllability", "_tints")
 
     def __init__(self, config: SlotAssignerConfig | None = None) -> None:
         self.config = config or SlotAssignerConfig()
@@ -74,6 +75,7 @@ class SlotAssigner(Saved):
         self.slots_: Ints = np.zeros(0, np.int64)
         self._statistics = SlotStatistics()
         self._controllability = Controllability()
+        self._tints = Tints()
         self._know()
 
     @property
@@ -151,7 +153,9 @@ class SlotAssigner(Saved):
         self._statistics.count(tracks, shown, roles[shown], moved=np.hypot(*steps.T) > MOVED_PX)
         old = tracks.ages[shown] > 0
         self._controllability.learn(action, roles[shown[old]], steps[old])
+        self._tints.learn(tracks.classes[tracks.visible], tracks.colours[tracks.visible])
         if self.is_fitted:
+            self._tints.settle()
             self._merge()
             self.slots_ = self._give_slots()
         self._know()
@@ -195,7 +199,11 @@ class SlotAssigner(Saved):
         tracks
             With their roles.
         """
-        return things_of(tracks, self._slot_of, self._moved_by_actions)
+        return things_of(tracks, self.kinds(tracks), self._slot_of, self._moved_by_actions)
+
+    def kinds(self, tracks: Tracks) -> Ints:
+        """Return the kind of each track, ``(n,)`` int64: its class, and its colour where that tells more."""
+        return self._tints.kinds(tracks.classes, tracks.colours)
 
     def read(self, vector: Floats) -> tuple[Ints, Floats]:
         """Read what is seen from a vector of `transform`: the kind of each object, ``(n,)``, and its centre.

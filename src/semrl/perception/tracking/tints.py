@@ -1,0 +1,83 @@
+"""Kinds by colour, where classes are drawn in grey: two paddles of one shape are two kinds."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.core import Floats, Ints
+from semrl.core.arrays import Arrays
+from semrl.core.protocols import Saved
+
+ALIKE = 32
+"""Of 255: colours are one that differ by no more in every channel."""
+
+MOST_TINTS = 32
+"""What has other colours than the first so many is told by its class alone."""
+
+LEAST_SEEN = 20
+"""Objects of a class in another colour than most, to be a kind of their own."""
+
+
+class Tints(Saved):
+    """In which colours the objects of each class are seen.
+
+    What a class mostly looks like keeps its number. Each other colour that some of its objects have makes these a
+    kind of their own, with a number behind those of the classes. That one thing may change its colour is told by
+    who follows it: see `semrl.concepts`.
+
+    Attributes
+    ----------
+    numbers_ : ndarray
+        ``(c, k + 1)`` int64, the kind of each class in each colour, at last in a colour that was not known;
+        no rows before it is settled.
+    """
+
+    SAVED = ("numbers_", "_colours", "_seen")
+
+    def __init__(self) -> None:
+        self.numbers_: Ints = np.zeros((0, 1), np.int64)
+        self._colours: Floats = np.zeros((0, 3), np.float32)
+        self._seen: Ints = np.zeros((0, 0), np.int64)  # (c, k) objects of each class in each colour
+
+    def learn(self, classes: Ints, colours: Floats) -> None:
+        """Count the objects of a frame, by class, ``(n,)``, and mean colour, ``(n, 3)``."""
+        for colour in colours:
+            if len(self._colours) < MOST_TINTS and self._tints(colour[None])[0] == len(self._colours):
+                self._colours = np.concatenate([self._colours, colour[None]])
+        more = int(classes.max(initial=-1)) + 1 - len(self._seen), len(self._colours) - self._seen.shape[1]
+        self._seen = np.pad(self._seen, [(0, max(n, 0)) for n in more])
+        tints = self._tints(colours)
+        known = tints < len(self._colours)
+        np.add.at(self._seen, (classes[known], tints[known]), 1)
+
+    def settle(self) -> None:
+        """Number the kinds."""
+        classes = np.arange(len(self._seen))
+        apart = self._seen >= LEAST_SEEN
+        if len(self._colours):
+            apart[classes, self._seen.argmax(axis=1)] = False
+        numbers = np.repeat(classes[:, None], len(self._colours) + 1, axis=1)
+        numbers[:, :-1][apart] = len(classes) + np.arange(apart.sum())
+        self.numbers_ = numbers
+
+    def kinds(self, classes: Ints, colours: Floats) -> Ints:
+        """Return the kind of each object, ``(n,)`` int64: until it is settled, its class.
+
+        A class that was not there when it was settled has the next free number, as has each other such class.
+        """
+        if not len(self.numbers_):
+            return classes
+        known = classes < len(self.numbers_)
+        kinds = np.full(len(classes), self.numbers_.max() + 1)
+        kinds[known] = self.numbers_[classes[known], self._tints(colours[known])]
+        return kinds
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Take over what was saved; runs that are older than this tell kinds by class alone."""
+        if arrays:
+            super().from_arrays(arrays)
+
+    def _tints(self, colours: Floats) -> Ints:
+        """Return which known colour each is, the nearest, ``(n,)``; as many as there are where it is none."""
+        away: NDArray[np.float32] = np.abs(colours[:, None] - self._colours[None]).max(axis=2)  # (n, k)
+        most = np.full((len(colours), 1), ALIKE, np.float32)
+        return np.asarray(np.concatenate([away, most], axis=1).argmin(axis=1))  # the first of equals
