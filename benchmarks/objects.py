@@ -4,7 +4,9 @@ Perception is that of the preset ``semrl`` for the model ``objects``, learned fr
 on random play that it has not seen. A true object counts where it is part of the play (no score, no clock) and moves:
 what stands in one place in more than half of the frames is scenery, which perception leaves out by design. What was
 found is matched one to one: its centre must lie in the true object's box, or two pixels beside it. A kind stands for
-what it mostly matched in the first half of the play; the second half is scored.
+what it mostly matched in the first half of the play; the second half is scored. Kinds that one thing has in turn are
+one concept, as it is learned from the same play; concepts are scored in the same way, and their purity is the share of
+what they matched that is of the category that each matched most.
 
 OCAtari asks for an old NumPy but runs with ours, so it is installed beside it:
 
@@ -28,14 +30,21 @@ from rich.console import Console
 from rich.table import Table
 from scipy.optimize import linear_sum_assignment
 
-from semrl.core import IMAGE_SIZE_PX, Observation, Tracks
+from semrl.concepts import Concepts
+from semrl.concepts.concepts import NO_CONCEPT
+from semrl.concepts.counting import LABELS_A_KIND
+from semrl.core import IMAGE_SIZE_PX, Floats, Observation, Tracks
+from semrl.core.things import ID, KIND, OWN, STILL
 from semrl.perception.encoders.objects import ObjectsEncoder
 from semrl.perception.tracking.slot_statistics import LEAST_MOVING_SHARE
 from semrl.training import RunConfig, preset
 from semrl.training.session import limited_threads
 from semrl_thesis.perception import new_run, pretrain
 
-GAMES = ("Pong", "Boxing", "Freeway", "Asterix", "Skiing", "Seaquest", "Tennis", "Kangaroo", "Breakout")
+GAMES = (
+    "Pong", "Boxing", "Freeway", "Asterix", "Skiing", "Seaquest", "Tennis", "Kangaroo", "Breakout",
+    "MsPacman", "DemonAttack", "SpaceInvaders", "Bowling", "Assault", "Riverraid", "Carnival",
+)  # fmt: skip
 LAG_PX = 2
 """The RAM may be a moment ahead of the picture."""
 
@@ -64,7 +73,7 @@ class Found:
     Attributes
     ----------
     kinds
-        ``(n,)``: the class of what is followed, or its role.
+        ``(n,)``: the kind of what is followed, or its role.
     centres
         ``(n, 2)``: x and y in pixels of the frame.
     """
@@ -85,7 +94,7 @@ def main(arguments: Arguments) -> None:
 
 
 def score_game(game: str, arguments: Arguments) -> dict[str, Any]:
-    """Score one game: all that is followed and moves, and that of it which has a slot."""
+    """Score one game: all that is followed and moves, by kind and by concept, and that of it which has a slot."""
     config = preset("semrl", "objects", {"env": f"{game}NoFrameskip-v4", "seed": arguments.seed})
     encoder = pretrain(config, "objects").encoder
     assert isinstance(encoder, ObjectsEncoder)
@@ -93,8 +102,13 @@ def score_game(game: str, arguments: Arguments) -> dict[str, Any]:
     truths: list[list[Truth]] = []
     followed: list[Found] = []
     told: list[Found] = []
+    things: list[list[Floats]] = []
+    labels: list[NDArray[np.int64]] = []
     objects = init_objects(game, hud=False)
     for observation, tracks in islice(play(encoder, config), arguments.decisions):
+        if not things or int(tracks.ages.max(initial=0)) == 0:
+            things.append([])
+        things[-1].append(roles.things(tracks))
         assert observation.ram is not None
         detect_objects_ram(objects, observation.ram.astype(int), game, hud=False)
         truths.append([(each.category, *map(int, each.xywh)) for each in objects if each and each.visible])
@@ -102,14 +116,18 @@ def score_game(game: str, arguments: Arguments) -> dict[str, Any]:
         moving = (
             (tracks.time_since_update == 0) & (tracks.moves > 0) & (tracks.moves >= LEAST_MOVING_SHARE * tracks.ages)
         )
-        followed.append(found(tracks, moving, tracks.classes, shape))
+        followed.append(found(tracks, moving, roles.kinds(tracks), shape))
+        labels.append(labels_of(things[-1][-1], tracks.ids[moving]))
         slotted = (tracks.time_since_update == 0) & np.isin(tracks.roles, roles.slots_)
         told.append(found(tracks, slotted, tracks.roles, shape))
     moved = without_scenery(truths)
+    number_of = concepts_of(things)
+    named = [replace(each, kinds=number_of[label]) for each, label in zip(followed, labels, strict=True)]
     return {
         "objects": sum(map(len, moved)) / len(moved),
         "slots": len(roles.slots_),
         "followed": score(moved, followed),
+        "concepts": score(moved, named) | {"purity": purity(moved, named), "number": int(number_of.max() + 1)},
         "told": score(moved, told),
     }
 
@@ -127,6 +145,31 @@ def found(tracks: Tracks, chosen: NDArray[np.bool_], kinds: NDArray[np.int64], s
     """Return some of the tracks, in pixels of the frame."""
     scale = np.array(shape[:2]) / IMAGE_SIZE_PX
     return Found(kinds=kinds[chosen], centres=((tracks.centres_px[chosen] + 0.5) * scale - 0.5)[:, ::-1])
+
+
+def labels_of(things: Floats, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the label of some of the things, see `semrl.concepts`, given their identities."""
+    chosen = things[np.searchsorted(things[:, ID], ids)]
+    kind, still, own = (chosen[:, column].astype(np.int64) for column in (KIND, STILL, OWN))
+    return np.asarray(kind * LABELS_A_KIND + 2 * still + own)
+
+
+def concepts_of(episodes: list[list[Floats]]) -> NDArray[np.int64]:
+    """Return the concept of each label, as it is learned from the things of some episodes."""
+    concepts = Concepts()
+    for things in episodes:
+        concepts.partial_fit(things)
+    return concepts.number_of_
+
+
+def purity(truths: list[list[Truth]], seen: list[Found]) -> float:
+    """Return the share of what concepts matched that is of the category that each of them matched most."""
+    pairs = Counter(pair for true, found in zip(truths, seen, strict=True) for pair in matches(true, found))
+    most: dict[int, int] = {}
+    for (_, concept), n in pairs.items():
+        if concept != NO_CONCEPT:
+            most[concept] = max(most.get(concept, 0), n)
+    return sum(most.values()) / max(sum(n for (_, concept), n in pairs.items() if concept != NO_CONCEPT), 1)
 
 
 def without_scenery(truths: list[list[Truth]]) -> list[list[Truth]]:
@@ -172,12 +215,13 @@ def matches(true: list[Truth], found: Found) -> list[tuple[str, int]]:
 
 def show(told: dict[str, Any]) -> None:
     """Print a table."""
-    names = ("precision", "recall", "f1", "f1_with_kind")
+    names = ("precision", "recall", "f1", "f1_with_kind", "purity")
     table = Table("game", "true", "found", *names, box=None, padding=(0, 1, 0, 0))
     for game, row in told["games"].items():
-        for what in ("followed", "told"):
-            of = f"{what}, {row['slots']} slots" if what == "told" else what
-            table.add_row(game, f"{row['objects']:.1f}", of, *(f"{row[what][name]:.3f}" for name in names))
+        for what in ("followed", "concepts", "told"):
+            of = {"told": f"told, {row['slots']} slots", "concepts": f"{row['concepts']['number']} concepts"}
+            shown = [f"{row[what][name]:.3f}" if name in row[what] else "" for name in names]
+            table.add_row(game, f"{row['objects']:.1f}", of.get(what, what), *shown)
     console = Console()
     console.print(table)
     console.print(f"{told['decisions']:,} decisions a game, seed {told['seed']}", highlight=False)
