@@ -356,13 +356,7 @@ class _Curious:
         state = list(concepts.states(np.array(record.grids)))[-1]
         if state is None:
             return
-
-        def untried(one: GridState) -> bool:
-            return bool(operators.untried(one, self.n_actions))
-
-        # Things of which there are few are what a world is about: they are tried first.
-        found = nearest(operators, state, lambda one: operators.faces_something_rare(one) and untried(one))
-        found = nearest(operators, state, untried) if found is None else found
+        found = nearest(operators, state, lambda one: bool(operators.untried(one, self.n_actions)))
         if found is not None:
             new = operators.untried(found.states[-1], self.n_actions)
             self.waiting = [one.action for one in found.operators] + [int(self.rng.choice(new))]

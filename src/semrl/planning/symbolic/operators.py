@@ -15,8 +15,6 @@ Literal = tuple[Offset | int, int]
 
 _REACH = 2
 """Cells that are looked at in each direction."""
-_FEW = 2
-"""Of a rare thing there are so many at most."""
 _WIDEST = 4
 """Of the questions that tell most on their own, so many are paired with all others."""
 
@@ -76,14 +74,6 @@ class Operators:
         """Return the actions that were never tried where the cells that matter looked like this."""
         seen, present = self._context(state), frozenset(_signed(state.cells))
         return [action for action in range(n_actions) if (action, state.kind, seen, present) not in self.tried]
-
-    def faces_something_rare(self, state: GridState) -> bool:
-        """Tell whether the nearest cells that are asked about hold something of which there are few."""
-        nearest = min(
-            (sum(map(abs, offset)) for offset in offsets_of(self.asked, state.kind) if any(offset)), default=0
-        )
-        near = [offset for offset in offsets_of(self.asked, state.kind) if sum(map(abs, offset)) == nearest]
-        return any(0 < state.cells.count(state.concept(offset) % 256) <= _FEW for offset in near)
 
     def _context(self, state: GridState) -> tuple[int, ...]:
         return tuple(state.concept(offset) for offset in offsets_of(self.asked, state.kind))
