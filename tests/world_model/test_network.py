@@ -127,7 +127,7 @@ def test_a_fresh_one_restores_a_used_one():
     network, (inputs, targets) = a_network(), data()
     fresh = copied(network)
     network.learn(inputs, targets.astype(np.float32), functional.mse_loss)
-    network.from_arrays(fresh)  # Adam's histories are forgotten as well
+    network.from_arrays(fresh)  # Adam's moments are forgotten as well
     assert digest(network.to_arrays()) == digest(a_network().to_arrays())
 
 

@@ -18,8 +18,9 @@ Shell = Literal["bash", "zsh"]
 class CompletionArguments:
     """Print a script that lets bash or zsh complete commands and options of semrl; paths are completed as ever.
 
-    Examples:  semrl completion bash > ~/.local/share/bash-completion/completions/semrl
-    semrl completion zsh > ~/.zfunc/_semrl      # with fpath+=~/.zfunc before compinit in ~/.zshrc
+    For example
+      semrl completion bash > ~/.local/share/bash-completion/completions/semrl
+      semrl completion zsh > ~/.zfunc/_semrl      # with fpath+=~/.zfunc before compinit in ~/.zshrc
     """
 
     shell: tyro.conf.Positional[Shell]

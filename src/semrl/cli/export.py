@@ -19,8 +19,9 @@ class ExportArguments:
 
     It needs the extra 'minari'. Episodes are those of semrl eval with the same seed.
 
-    Example:  semrl export runs/first --to datasets
-    then      MINARI_DATASETS_PATH=datasets minari show semrl/first-v0
+    For example
+      semrl export runs/first --to datasets
+      MINARI_DATASETS_PATH=datasets minari show semrl/first-v0
     """
 
     run: tyro.conf.Positional[Path]

@@ -30,11 +30,12 @@ class KnowledgeArguments:
     Edits are kept in a log beside the run; the next decision obeys, nothing is retrained. What would make a class
     impossible is refused with the reason.
 
-    Examples:  semrl knowledge runs/first
-    semrl knowledge runs/first add Low 'own.y > 66'
-    semrl knowledge runs/first add High 'own.y < 25' --forbid
-    semrl knowledge runs/first assert 'disjoint(ball, other)'
-    semrl knowledge runs/first undo
+    For example
+      semrl knowledge runs/first
+      semrl knowledge runs/first add Low 'own.y > 66'
+      semrl knowledge runs/first add High 'own.y < 25' --forbid
+      semrl knowledge runs/first assert 'disjoint(ball, other)'
+      semrl knowledge runs/first undo
     """
 
     run: tyro.conf.Positional[Path]

@@ -32,9 +32,10 @@ class PlanArguments:
     learned from that play, which is kept in the run's folder. Then plans are made and carried out in layouts that were
     not learned from.
 
-    Examples:  semrl plan runs/rooms --env MiniGrid-FourRooms-v0 --decisions 600
-    semrl plan runs/rooms --trials 20
-    semrl plan runs/rooms --goal 3,4 --domain rooms.pddl --problem rooms-1.pddl
+    For example
+      semrl plan runs/rooms --env MiniGrid-FourRooms-v0 --decisions 600
+      semrl plan runs/rooms --trials 20
+      semrl plan runs/rooms --goal 3,4 --domain rooms.pddl --problem rooms-1.pddl
     """
 
     run: tyro.conf.Positional[Path]

@@ -108,7 +108,7 @@ class DenseNetwork:
             raise SemrlError("a model of the map has diverged: try a smaller learning rate for it")
 
     def to_arrays(self) -> Arrays:
-        """Return weights, the optimiser's histories and the random generator."""
+        """Return weights, the optimiser's moments and the random generator."""
         own = nest(layers=module_to_arrays(self.layers), adam=optimiser_to_arrays(self.optimiser))
         return {name: value.copy() for name, value in own.items()} | {"rng": rng_to_array(self._rng)}
 

@@ -28,7 +28,7 @@ class ReproduceArguments:
     games, the same on Breakout, Freeway and Boxing.
 
     Results, runs and one page, report.html, go into a folder. What is there already is not done again, so that it can
-    be stopped at any history: the same command goes on. At full scale the results that come with this package count
+    be stopped at any moment: the same command goes on. At full scale the results that come with this package count
     as well, unless they are to be measured --afresh.
 
     Example:  semrl reproduce clusters retrieval
