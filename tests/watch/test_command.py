@@ -71,8 +71,9 @@ def test_a_missing_extra_is_one_line(call, tracked_run, monkeypatch):
 @pytest.mark.skipif(not (MAKEFILE.exists() and shutil.which("make")), reason="there is no make, or no Makefile")
 def test_the_demo_ends_with_an_offer_to_watch_its_run():
     told = subprocess.run(
-        ["make", "-n", "-o", "install", "demo", "RUN=runs/x y"],
+        ["make", "-n", "--no-print-directory", "-o", "install", "demo", "RUN=runs/x y"],
         cwd=MAKEFILE.parent,
+        env={name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))},
         capture_output=True,
         text=True,
         check=True,

@@ -10,6 +10,7 @@ import json as json_format
 import logging
 import os
 import platform
+import re
 import warnings
 from collections.abc import Iterator, Sequence
 from importlib.metadata import PackageNotFoundError, requires, version
@@ -88,7 +89,7 @@ def _look(text: str) -> dict[str, Any]:
         name = name.partition(sign)[0]
     quoted = marker.replace("'", '"').split('"')
     extra = quoted[1] if "extra" in marker else "semrl"
-    needed = requirement.removeprefix(name).strip()
+    needed = re.sub(r"^\[.*?\]", "", requirement.removeprefix(name).strip()).strip()
     try:
         installed: str | None = version(name)
     except PackageNotFoundError:

@@ -54,9 +54,9 @@ def test_a_picture_that_stands_still_is_all_background(name):
 
 
 @pytest.mark.parametrize("name", TRACKED)
-def test_what_only_blinks_in_its_place_has_no_slot(name):
+def test_what_only_blinks_in_its_place_is_background(name):
     schedule = schedule_of(ENCODERS.load(name)(CONFIG))
-    with pytest.raises(UsageError, match="the stage 'roles' of perception found nothing that moves in 60 frames"):
+    with pytest.raises(UsageError, match="the stage 'detection' of perception found no object in 150 frames"):
         learn_all(schedule, shown(*BLINKING_IN_PLACE))
 
 
