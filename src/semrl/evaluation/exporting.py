@@ -89,7 +89,7 @@ def export_play(
     if episodes < 1 or (seed is not None and seed < 0):
         raise UsageError(f"episodes must be 1 or more and seed 0 or more, not {episodes} and {seed}")
     player = ready_player(run, policy)
-    teller = _Teller(player, run, frames=frames)
+    writer = _EpisodeWriter(player, run, frames=frames)
     name = f"semrl/{re.sub(r'[^A-Za-z0-9_.-]+', '-', Path(run).resolve().name).strip('-') or 'run'}-v0"
     if (Path(to) / name).exists():
         raise UsageError(f"{Path(to) / name} is there already; delete it, or write to another folder")
@@ -99,29 +99,29 @@ def export_play(
     with limited_threads(player.config.threads), contextlib.closing(player.new_env()) as env:
         for number in range(episodes):
             steps = list(player.episode(number, seed, policy, env))
-            played.append(EpisodeBuffer(id=number, seed=seed, **teller.episode(steps)))
+            played.append(EpisodeBuffer(id=number, seed=seed, **writer.episode(steps)))
             on_episode(steps[-1].total)
     with _written_beside(Path(to), name) as beside, _datasets_in(beside), warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of authors and environments that are not named
         made = minari.create_dataset_from_buffers(
-            name, played, observation_space=teller.space, action_space=gym.spaces.Discrete(len(player.action_names)),
+            name, played, observation_space=writer.space, action_space=gym.spaces.Discrete(len(player.action_names)),
             algorithm_name=f"semrl {player.config.model}, {policy}", data_format="hdf5", jpeg_encoding=False,
             description=f"{player.config.env}, played by semrl after {player.decisions:,} decisions",
         )  # fmt: skip
-        made.storage.update_metadata({f"semrl_{key}": value for key, value in teller.told().items()})
+        made.storage.update_metadata({f"semrl_{key}": value for key, value in writer.metadata().items()})
     return ExportedPlay(
         dataset=name,
         folder=str(to),
         episodes=episodes,
         decisions=sum(len(one.actions) for one in played),
-        facts=list(teller.facts),
-        slots=list(teller.slots),
-        concepts=list(teller.concepts),
+        facts=list(writer.facts),
+        slots=list(writer.slots),
+        concepts=list(writer.concepts),
     )
 
 
-class _Teller:
-    """Tells steps as Minari's episodes."""
+class _EpisodeWriter:
+    """Writes steps as Minari's episodes."""
 
     def __init__(self, player: Player, run: str | Path, *, frames: bool) -> None:
         space, planning = player.encoder.space, player.planning
@@ -157,7 +157,7 @@ class _Teller:
             "infos": {},
         }
 
-    def told(self) -> dict[str, Any]:
+    def metadata(self) -> dict[str, Any]:
         """Return what numbers mean, for the metadata."""
         player = self.player
         return {
@@ -172,12 +172,12 @@ class _Teller:
 
     def _observation(self, step: Step) -> dict[str, Any]:
         assert step.state is not None
-        told: dict[str, Any] = {"facts": step.state.facts.astype(np.float32)}
+        observation: dict[str, Any] = {"facts": step.state.facts.astype(np.float32)}
         if self.builder:
-            told["concepts"] = self._concepts(step)
+            observation["concepts"] = self._concepts(step)
         if self.frames:
-            told["frame"] = np.asarray(step.observation.frame)
-        return told
+            observation["frame"] = np.asarray(step.observation.frame)
+        return observation
 
     def _concepts(self, step: Step) -> Ints:
         """Return the concept of what is in each slot, ``(slots,)``."""
@@ -197,9 +197,9 @@ def _written_beside(folder: Path, name: str) -> Iterator[Path]:
         namespace = Path(name).parent
         (folder / namespace).mkdir(exist_ok=True)
         (Path(beside) / name).rename(folder / name)
-        told = Path(beside) / namespace / "namespace_metadata.json"
-        if told.exists() and not (folder / namespace / told.name).exists():
-            shutil.move(told, folder / namespace / told.name)
+        about = Path(beside) / namespace / "namespace_metadata.json"
+        if about.exists() and not (folder / namespace / about.name).exists():
+            shutil.move(about, folder / namespace / about.name)
 
 
 @contextlib.contextmanager

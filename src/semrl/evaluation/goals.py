@@ -235,4 +235,5 @@ def _outcome(steps: Iterator[Step], watch: GoalWatch, most: int, on_step: Callab
 def _asking_all(config: RunConfig) -> RunConfig:
     """Let the world model imagine every scenario: those that promise no reward may reach the goal."""
     trees = replace(config.planning.trees, screening=0)
-    return replace(config, planning=replace(config.planning, trees=trees))
+    lifted = replace(config.planning.lifted, screening=0)
+    return replace(config, planning=replace(config.planning, trees=trees, lifted=lifted))

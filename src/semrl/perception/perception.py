@@ -13,7 +13,8 @@ from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.memo import Memo
 from semrl.core.protocols import Persistent
 from semrl.perception.config import CLUSTERERS, EMBEDDERS, REDUCERS, PerceptionConfig, make_detector
-from semrl.perception.detection import ForegroundDetector, Ground
+from semrl.perception.detection import Ground
+from semrl.perception.detection.protocol import KnowsGround
 from semrl.perception.embedding import Scenery, build_scene_graph
 from semrl.perception.embedding.protocol import Embedder
 from semrl.perception.tracking import Jumps, SlotAssigner, follow, no_tracks
@@ -57,8 +58,8 @@ class Perception:
     def ground(self) -> Ground | None:
         """What stands still, found in the background; None where the detector knows no background (yet)."""
         detector = self.detector
-        if self._ground is None and isinstance(detector, ForegroundDetector) and detector.is_fitted:
-            self._ground = Ground(detector.background_, detector.config.contrast)
+        if self._ground is None and isinstance(detector, KnowsGround) and self.detector.is_fitted:
+            self._ground = detector.ground()
         return self._ground
 
     @property

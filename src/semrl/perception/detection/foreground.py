@@ -14,6 +14,7 @@ from semrl.core import IMAGE_SIZE_PX, Frame, Image, Ints, Objects
 from semrl.core.errors import DataError, UsageError
 from semrl.core.protocols import Saved
 from semrl.perception.detection.foreground_kernels import Places, draw_objects, find_components, vote
+from semrl.perception.detection.ground import Ground
 from semrl.perception.detection.parts import Parts
 from semrl.perception.detection.restless import Restless
 
@@ -105,6 +106,10 @@ class ForegroundDetector(Saved):
             if self.is_fitted:
                 self._parts.settle(self._background)
         return self
+
+    def ground(self) -> Ground:
+        """Return what stands still, found in the background; see `KnowsGround`."""
+        return Ground(self.background_, self.config.contrast)
 
     def detect(self, frame: Frame | Image) -> Objects:
         """Find the objects of a frame, from top to bottom."""

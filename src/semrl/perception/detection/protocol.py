@@ -1,9 +1,10 @@
 """What a detector must offer."""
 
-from typing import Protocol, Self
+from typing import Protocol, Self, runtime_checkable
 
 from semrl.core import Frame, Ints, Objects
 from semrl.core.protocols import Persistent
+from semrl.perception.detection.ground import Ground
 
 
 class Detector(Persistent, Protocol):
@@ -44,4 +45,13 @@ class Detector(Persistent, Protocol):
 
     def components(self, frame: Frame) -> Ints:
         """Number the connected regions that objects are cut from, ``(84, 84)``; 0 is background."""
+        ...
+
+
+@runtime_checkable
+class KnowsGround(Protocol):
+    """A detector that knows, once it is fitted, what stands still."""
+
+    def ground(self) -> Ground:
+        """Return the still things, found in the background."""
         ...
