@@ -11,9 +11,9 @@ def main(batches: int = 100, decisions: int = 10) -> None:
     """Print the cosine similarity of each two adjacent frames of a game."""
     perception, game = learn_to_see(batches)
     embedding = HashedEmbedding()
-    before = embedding.transform(perception.scene(game.step(0).observation.frame))
+    before = embedding.transform(perception.scene(game.step(0).observation))
     for decision in range(decisions):
-        after = embedding.transform(perception.scene(game.step(0).observation.frame))
+        after = embedding.transform(perception.scene(game.step(0).observation))
         cosine = before @ after / max(np.linalg.norm(before) * np.linalg.norm(after), 1e-9)
         print(f"decision {decision + 1:2}: cosine similarity {cosine:.3f}")
         before = after

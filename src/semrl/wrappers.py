@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from semrl.core import IMAGE_SIZE_PX, Observation
 from semrl.core.errors import UsageError
-from semrl.envs import rom_name
+from semrl.envs import observation_of, rom_name
 from semrl.evaluation import load_encoder
 from semrl.perception.encoders import Encoder
 from semrl.perception.encoders.classes import class_image
@@ -96,11 +96,12 @@ class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.ut
 
     def observation(self, observation: NDArray[np.uint8]) -> NDArray[Any]:
         """Elevate one frame."""
+        seen = observation_of(self.env, observation)
         if self.output == "labels":
             perception = self.encoder.perception
             assert perception is not None, "checked at the beginning"
-            return class_image(perception, perception.detector.detect(observation))[:, :, None]
-        current = self._episode.encode(Observation(frame=observation)).vector
+            return class_image(perception, perception.objects(seen))[:, :, None]
+        current = self._episode.encode(seen).vector
         previous = current if self._previous is None else self._previous
         self._previous = current
         return np.concatenate([current, current - previous])

@@ -93,12 +93,12 @@ def new_run(config: RunConfig, most: int | None) -> Iterator[Observation]:
 
 def objects_of(perception: Perception, play: Iterator[Observation]) -> Iterator[Objects]:
     """Yield the objects of every frame."""
-    return (perception.detector.detect(observation.frame) for observation in play)
+    return (perception.objects(observation) for observation in play)
 
 
 def scenes_of(perception: Perception, play: Iterator[Observation]) -> list[SceneGraph]:
     """Return the scene of every frame."""
-    return [perception.scene(observation.frame) for observation in play]
+    return [perception.scene(observation) for observation in play]
 
 
 def _decisions(config: RunConfig, seed: int) -> Iterator[tuple[Observation, int | None]]:

@@ -129,7 +129,7 @@ def upper_line(encoder: Encoder, play: Iterator[Observation], frames: Sequence[F
     objects = [detector.detect(image) for image in images]
     reduced = [perception.reducer.transform(found.features) for found in objects]
     classes = [perception.clusterer.predict(rows) for rows in reduced]
-    graphs = [perception.scene(image) for image in images]
+    graphs = [perception.scene(Observation(frame=image)) for image in images]
     words = partial(sentences, config=perception.config.hashed.words)
     join = partial(build_scene_graph, proximity_px=perception.config.scene.proximity_px)
     shown = [(graph.classes, graph.centres_px) for graph in graphs]

@@ -85,7 +85,7 @@ def watch(perception: Perception, config: RunConfig, decisions: int, seed: int) 
     start, follows, observation = True, False, game.reset()
     for _ in range(decisions):
         truth = _ram(observation)[addresses].astype(np.float64)
-        scenes.append(perception.scene(observation.frame))
+        scenes.append(perception.scene(observation))
         coordinates.append(truth)
         starts.append(start)
         follow = follows and rng.random() >= RANDOM_SHARE

@@ -56,7 +56,8 @@ def discover():
 def is_estimator(cls):
     can_learn = hasattr(cls, "partial_fit") or hasattr(cls, "fit")
     is_public = not cls.__name__.startswith("_") and not getattr(cls, "_is_protocol", False)
-    return is_public and can_learn and any(hasattr(cls, name) for name in ANSWERS)
+    reads_labels = hasattr(cls, "detect") and hasattr(cls, "read")  # and finds nothing in a frame alone
+    return is_public and can_learn and not reads_labels and any(hasattr(cls, name) for name in ANSWERS)
 
 
 def follows(cls):

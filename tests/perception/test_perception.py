@@ -81,7 +81,7 @@ def test_tracks_go_in_and_come_out():
     tracks, ids = seen.begin(), []
     for observation, _ in episodes(46, seed=3)[0]:
         earlier = {name: getattr(tracks, name).copy() for name in ("ids", "centres_px", "ages")}
-        following = seen.assign(seen.track(tracks, observation.frame))
+        following = seen.assign(seen.track(tracks, observation))
         for name, array in earlier.items():
             np.testing.assert_array_equal(getattr(tracks, name), array)  # the old ones stay as they were
         ids.append(following.ids.tolist())

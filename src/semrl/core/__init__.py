@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from semrl.core.named import IMAGE_SIZE_PX, NO_ACTION, Floats, Frame, Image, Ints
     from semrl.core.planned import History, MapGraph, Plan, Scenarios, Trajectory, Transitions
     from semrl.core.scene import ConceptTable, Scene
-    from semrl.core.seen import Objects, Observation, Outcome, SceneGraph, Sight, Tracks
+    from semrl.core.seen import Labels, Objects, Observation, Outcome, SceneGraph, Sight, Tracks
     from semrl.core.state import AgentObservation, State, StateSpace
 
 _HOME = {
@@ -24,6 +24,7 @@ _HOME = {
     "Frame": "semrl.core.named",
     "Image": "semrl.core.named",
     "Ints": "semrl.core.named",
+    "Labels": "semrl.core.seen",
     "MapGraph": "semrl.core.planned",
     "History": "semrl.core.planned",
     "Objects": "semrl.core.seen",
@@ -51,6 +52,7 @@ __all__ = [
     "History",
     "Image",
     "Ints",
+    "Labels",
     "MapGraph",
     "Objects",
     "Observation",

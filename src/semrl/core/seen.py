@@ -10,11 +10,22 @@ from semrl.core.named import IMAGE_SIZE_PX, Floats, Frame, Ints
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Labels:
+    """What an environment itself says is where in a frame."""
+
+    values: NDArray[np.uint8]
+    """``(height, width)`` uint8, as large as the frame: the value of the object that a pixel belongs to; 0: of none."""
+    classes: dict[int, str] | None = None
+    """Value → class of the object; what has no class here is background. None: each value but 0 is a class."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Observation:
-    """What the environment shows at one decision: the frame and, for Atari games, the RAM."""
+    """What the environment shows at one decision: the frame and, where it offers them, RAM (Atari games) and labels."""
 
     frame: Frame
     ram: NDArray[np.uint8] | None = None
+    labels: Labels | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

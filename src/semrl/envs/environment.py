@@ -23,6 +23,7 @@ from semrl.envs.flicker import (
     look,
     needed_frames,
 )
+from semrl.envs.labelling import asking_labels, require_labels
 from semrl.envs.making import find_spec, is_atari, make_seen
 from semrl.envs.pictures import as_rgb
 from semrl.envs.variants import names_of, varied
@@ -46,6 +47,9 @@ class EnvironmentConfig:
     background that random play shows, for sprites that are darker than it."""
     max_noops: int = 0
     """At most so many random no-op decisions at the start of an episode, in games that have an action for it."""
+    labels: bool = False
+    """Ask the environment to label the objects in each frame, for the detector 'labels'; ViZDoom's games do, at two
+    thirds of their speed."""
     variant: str = ""
     """How the game is altered: names of `semrl.envs.variants` joined by +, such as lazy_enemy+recoloured."""
 
@@ -197,7 +201,8 @@ def make_env(
     spec = find_spec(env)
     # The emulator skips frames and repeats actions itself, several times faster than a wrapper.
     skips = is_atari(spec) and config.max_frames == 1 and not config.variant and not every_frame
-    made = make_seen(spec, render_mode, **(_emulated(config, skips=skips) if is_atari(spec) else {}))
+    settings = _emulated(config, skips=skips) if is_atari(spec) else {}
+    made = make_seen(spec, render_mode, **settings, **(asking_labels(spec) if config.labels else {}))
     try:
         return _ready(made, config, skips=skips)
     except UsageError:
@@ -282,6 +287,8 @@ def _emulated(config: EnvironmentConfig, *, skips: bool) -> dict[str, Any]:
 
 def _ready(env: Env, config: EnvironmentConfig, *, skips: bool) -> Env:
     """Add to an environment what it does not do itself."""
+    if config.labels:
+        require_labels(env)
     env = varied(as_rgb(env), config.variant)
     own, wanted = sticky_actions(env), config.sticky_actions
     if wanted is not None and wanted != own:

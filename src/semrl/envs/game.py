@@ -10,6 +10,7 @@ from semrl.core import Frame, Ints, Observation, Outcome
 from semrl.core.arrays import Arrays, array_to_rng, rng_to_array
 from semrl.core.errors import SemrlError, UsageError
 from semrl.envs.actions import Env
+from semrl.envs.pictures import newest_labels
 
 LARGEST_REWARD = 1e18
 """Its square is still a number of float32, in which networks learn."""
@@ -130,6 +131,8 @@ class Game:
 
 
 def observation_of(env: Env, frame: Frame) -> Observation:
-    """Return what an environment shows now: a frame and, for Atari games, the RAM."""
+    """Return what an environment shows now: a frame, the RAM of Atari games, labels where it offers them."""
     ale = getattr(env.unwrapped, "ale", None)
-    return Observation(frame=frame, ram=ale.getRAM() if ale is not None else None)
+    if ale is not None:
+        return Observation(frame=frame, ram=ale.getRAM())
+    return Observation(frame=frame, labels=newest_labels(env))

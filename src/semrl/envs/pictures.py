@@ -8,9 +8,10 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import RecordConstructorArgs
 
-from semrl.core import Image
+from semrl.core import Image, Labels
 from semrl.core.errors import UsageError
 from semrl.envs.actions import Env, title
+from semrl.envs.labelling import has_labels, labels_of
 
 PREFERRED = ("image", "rgb", "pixels", "screen")
 """Entries of a dictionary of observations that are taken for the image, the first that is there."""
@@ -25,17 +26,26 @@ class ImageEntry(gym.ObservationWrapper[Any, Any, Any], RecordConstructorArgs):
         Its observations are dictionaries.
     key
         The entry that is an image.
+
+    Attributes
+    ----------
+    labels : Labels or None
+        What the newest observation says of objects; None where it says nothing.
     """
 
     def __init__(self, env: Env, key: str) -> None:
         RecordConstructorArgs.__init__(self, key=key)
         super().__init__(env)
         self.key = key
+        self.labels: Labels | None = None
+        self._labelled = has_labels(env.observation_space)
         assert isinstance(env.observation_space, gym.spaces.Dict)
         self.observation_space = env.observation_space[key]
 
     def observation(self, observation: Any) -> Any:
-        """Return the image."""
+        """Return the image, and keep the labels."""
+        if self._labelled:
+            self.labels = labels_of(self.env, observation)
         return observation[self.key]
 
 
@@ -150,6 +160,16 @@ class Checked(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         if isinstance(error, UsageError):
             return error
         return UsageError(f"{title(self.env)} failed in {what}: {type(error).__name__}: {error}")
+
+
+def newest_labels(env: Env) -> Labels | None:
+    """Return what the environment says of the objects in the newest frame; None where it says nothing."""
+    layer = env
+    while isinstance(layer, gym.Wrapper):
+        if isinstance(layer, ImageEntry):
+            return layer.labels
+        layer = layer.env
+    return None
 
 
 def is_rgb(space: gym.Space[Any]) -> bool:

@@ -6,7 +6,7 @@ from typing import Any
 from semrl.core.registry import Registry
 from semrl.perception.clustering import BirchConfig, KMeansConfig, SelfOrganisingMapConfig, SVMConfig
 from semrl.perception.clustering.protocol import Clusterer
-from semrl.perception.detection import DetectionConfig, ForegroundConfig, KMeansDetectorConfig
+from semrl.perception.detection import DetectionConfig, ForegroundConfig, KMeansDetectorConfig, LabelsConfig
 from semrl.perception.detection.protocol import Detector
 from semrl.perception.embedding import (
     Doc2VecConfig,
@@ -27,6 +27,7 @@ DETECTORS: Registry[Detector] = Registry(
         "otsu": "semrl.perception.detection:OtsuDetector",
         "foreground": "semrl.perception.detection:ForegroundDetector",
         "segmentation": "semrl.perception.detection:KMeansDetector",
+        "labels": "semrl.perception.detection:LabelsDetector",
     },
 )
 REDUCERS: Registry[Reducer] = Registry("reducers", {"pca": "semrl.perception.reduction:ObjectPCA"})
@@ -56,8 +57,8 @@ class PerceptionConfig:
     """Which boxes stand between frame and state, and the parameters of each, under its name."""
 
     detector: str = "auto"
-    """How objects are found: otsu, foreground or segmentation (k-means); auto: otsu in single frames, foreground where
-    objects are tracked."""
+    """How objects are found: otsu, foreground, segmentation (k-means) or labels (the environment's own, see
+    environment.labels); auto: otsu in single frames, foreground where objects are tracked."""
     reducer: str = "pca"
     """How objects are described by fewer numbers."""
     clusterer: str = "birch"
@@ -71,6 +72,8 @@ class PerceptionConfig:
     """What counts as an object at full resolution."""
     segmentation: KMeansDetectorConfig = field(default_factory=KMeansDetectorConfig)
     """How the small grey image is segmented."""
+    labels: LabelsConfig = field(default_factory=LabelsConfig)
+    """Which of the objects that the environment labels are seen."""
     pca: PCAConfig = field(default_factory=PCAConfig)
     """How objects are reduced."""
     birch: BirchConfig = field(default_factory=BirchConfig)

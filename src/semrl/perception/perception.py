@@ -5,16 +5,18 @@ frame ─ objects ─ reduced objects ─ classes ─ scene graph ─ vector
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from semrl.core import Floats, Frame, Ints, Objects, SceneGraph, Tracks
+from semrl.core import Floats, Ints, Objects, Observation, SceneGraph, Tracks
 from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.memo import Memo
 from semrl.core.protocols import Persistent
 from semrl.perception.config import CLUSTERERS, EMBEDDERS, REDUCERS, PerceptionConfig, make_detector
 from semrl.perception.detection import Ground
-from semrl.perception.detection.protocol import KnowsGround
+from semrl.perception.detection.protocol import KnowsGround, ReadsLabels
 from semrl.perception.embedding import Scenery, build_scene_graph
 from semrl.perception.embedding.protocol import Embedder
 from semrl.perception.tracking import Jumps, SlotAssigner, follow, no_tracks
@@ -50,6 +52,7 @@ class Perception:
         self.jumps = Jumps(config.tracking.gate_px)
         self.slot_assigner = SlotAssigner(config.slot_assigner)
         self._embedder = EMBEDDERS.make(config.embedder, config) if embedded else None
+        self._read = self.detector.read if isinstance(self.detector, ReadsLabels) else None
         self._ground: Ground | None = None
         self._known = Memo(self._classify, self.detector.crop_size_px**2, np.int32)  # the bits of a crop → its class
         self._learned: tuple[object, object] | None = None
@@ -68,6 +71,14 @@ class Perception:
         assert self._embedder is not None, "asked for by encoders of scenes only"
         return self._embedder
 
+    def objects(self, observation: Observation) -> Objects:
+        """Find the objects of what is shown (§3.2.1)."""
+        return self._read(observation) if self._read else self.detector.detect(observation.frame)
+
+    def components(self, observation: Observation) -> NDArray[np.integer[Any]]:
+        """Number the regions that objects are cut from, ``(84, 84)``; 0 is background."""
+        return self._read(observation).labels if self._read else self.detector.components(observation.frame)
+
     def classes(self, objects: Objects) -> Ints:
         """Return the class number of each object (§3.2.2); what was seen before is remembered until more is learned."""
         if not len(objects):
@@ -84,9 +95,9 @@ class Perception:
         """Return the tracks at the beginning of an episode: none."""
         return no_tracks(self.reducer.dimension)
 
-    def track(self, tracks: Tracks, frame: Frame) -> Tracks:
-        """Move the tracks of an episode on by one frame."""
-        objects = self.detector.detect(frame)
+    def track(self, tracks: Tracks, observation: Observation) -> Tracks:
+        """Move the tracks of an episode on by one decision."""
+        objects = self.objects(observation)
         reduced = self.reducer.transform(objects.features)
         classes = self.classes(objects)
         return follow(tracks, objects, classes, reduced, self.config.tracking, reach_px=self.jumps.reach_px_)
@@ -95,9 +106,9 @@ class Perception:
         """Give the tracks their roles."""
         return replace(tracks, roles=self.slot_assigner.predict(tracks))
 
-    def scene(self, frame: Frame) -> SceneGraph:
+    def scene(self, observation: Observation) -> SceneGraph:
         """Write a single frame as a scene graph (§3.2.3)."""
-        objects = self.detector.detect(frame)
+        objects = self.objects(observation)
         classes = self.classes(objects)
         shown = self.shown(classes)
         return build_scene_graph(classes[shown], objects.centres_px[shown], self.config.scene.proximity_px)

@@ -42,7 +42,7 @@ def test_scenery_is_only_left_out_when_asked_for(omit_scenery):
     moving = np.flatnonzero(~np.isin(classes, seen.scenery.still_)).tolist()
     assert seen.shown(classes).tolist() == (moving if omit_scenery else everything)
     assert len(moving) == len(everything) if not omit_scenery else 0 < len(moving) < len(everything)
-    assert len(seen.scene(SHOWN[-1].frame)) == len(seen.shown(classes))
+    assert len(seen.scene(SHOWN[-1])) == len(seen.shown(classes))
     assert seen.shown(np.empty(0, np.int64)).shape == (0,)
     episode = encoder.begin()
     episode.encode(SHOWN[-1])

@@ -129,7 +129,7 @@ def test_scenes_leave_out_what_stood_still():
     seen = encoder.perception
     (learned,) = seen.embedder.fits_
     for observation, _ in SHOWN[len(names) :][:30]:
-        scene, objects = seen.scene(observation.frame), seen.detector.detect(observation.frame)
+        scene, objects = seen.scene(observation), seen.objects(observation)
         is_wall = (objects.boxes_px[:, 1] == 0) | (objects.boxes_px[:, 1] + objects.boxes_px[:, 3] == 84)
         assert is_wall.sum() > 10 and 1 < len(scene) < 5
         np.testing.assert_array_equal(scene.centres_px, objects.centres_px[~is_wall])

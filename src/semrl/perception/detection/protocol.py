@@ -2,7 +2,7 @@
 
 from typing import Protocol, Self, runtime_checkable
 
-from semrl.core import Frame, Ints, Objects
+from semrl.core import Frame, Ints, Objects, Observation
 from semrl.core.protocols import Persistent
 from semrl.perception.detection.ground import Ground
 
@@ -45,6 +45,21 @@ class Detector(Persistent, Protocol):
 
     def components(self, frame: Frame) -> Ints:
         """Number the connected regions that objects are cut from, ``(84, 84)``; 0 is background."""
+        ...
+
+
+@runtime_checkable
+class ReadsLabels(Protocol):
+    """A detector that takes objects from what the environment says of them; it is asked this in place of `detect`."""
+
+    def read(self, observation: Observation) -> Objects:
+        """Return the objects that the environment labels.
+
+        Raises
+        ------
+        UsageError
+            The environment labels nothing.
+        """
         ...
 
 

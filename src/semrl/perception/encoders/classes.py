@@ -35,7 +35,7 @@ class ClassesEncoder(ThroughPerception):
         return SingleFrames(self._encode, partial(look_at_classes, self.perception))
 
     def _encode(self, observation: Observation) -> State:
-        return State(vector=class_image(self.perception, self.perception.detector.detect(observation.frame)))
+        return State(vector=class_image(self.perception, self.perception.objects(observation)))
 
 
 def class_image(perception: Perception, objects: Objects) -> Image:
@@ -47,7 +47,7 @@ def look_at_classes(perception: Perception, observation: Observation) -> Sight:
     """Show the objects of a frame and, where they are known, their classes."""
     if not perception.detector.is_fitted:
         return Sight()
-    objects = perception.detector.detect(observation.frame)
+    objects = perception.objects(observation)
     known = perception.clusterer.is_fitted
     classes = perception.classes(objects) if known else np.empty(0, np.int64)
     numbers = classes if known else np.zeros(len(objects), np.int64)

@@ -33,10 +33,10 @@ class ComponentsEncoder(ThroughPerception):
         return SingleFrames(self._encode, self._look)
 
     def _encode(self, observation: Observation) -> State:
-        return State(vector=label_image(self.perception.detector.components(observation.frame)))
+        return State(vector=label_image(self.perception.components(observation)))
 
     def _look(self, observation: Observation) -> Sight:
         if not self.is_fitted:
             return Sight()
-        objects = self.perception.detector.detect(observation.frame)
+        objects = self.perception.objects(observation)
         return Sight(boxes_px=objects.boxes_px, labels=(objects.labels > 0).astype(np.int64))

@@ -74,7 +74,7 @@ class TrackedEpisode:
 
     def facts(self, observation: Observation) -> Floats:
         """Move the tracks on by one observation and return the list, ``(k,)`` float32; see `SlotAssigner.transform`."""
-        self.tracks = self._perception.assign(self._perception.track(self.tracks, observation.frame))
+        self.tracks = self._perception.assign(self._perception.track(self.tracks, observation))
         return self._perception.slot_assigner.transform(self.tracks)
 
     def look(self) -> Sight:

@@ -53,14 +53,14 @@ class SceneEncoder(ThroughPerception):
         return SingleFrames(self._encode, self._look)
 
     def _encode(self, observation: Observation) -> State:
-        vector = self.perception.embedder.transform(self.perception.scene(observation.frame))
+        vector = self.perception.embedder.transform(self.perception.scene(observation))
         return State(vector=vector, facts=vector)
 
     def _look(self, observation: Observation) -> Sight:
         seen = look_at_classes(self.perception, observation)
         if not len(seen.classes):
             return seen
-        objects = self.perception.detector.detect(observation.frame)
+        objects = self.perception.objects(observation)
         shown = self.perception.shown(seen.classes)
         proximity = self.perception.config.scene.proximity_px
         scene = build_scene_graph(seen.classes[shown], objects.centres_px[shown], proximity)
@@ -78,4 +78,4 @@ class _Scenes(Stateless):
 
     def scene(self, observation: Observation) -> SceneGraph:
         """Write one frame."""
-        return self._perception.scene(observation.frame)
+        return self._perception.scene(observation)

@@ -104,13 +104,13 @@ class DetectorStage(Stage):
 
     def __init__(self, perception: Perception) -> None:
         super().__init__()
-        self.detector = perception.detector
-        self.target = self.detector.frames_needed
+        self.perception = perception
+        self.target = perception.detector.frames_needed
 
     def _learn(self, observation: Observation, _action: int | None) -> bool:
-        if not self.detector.partial_fit(observation.frame).is_fitted:
+        if not self.perception.detector.partial_fit(observation.frame).is_fitted:
             return False
-        if len(self.detector.detect(observation.frame)):
+        if len(self.perception.objects(observation)):
             return True
         if self.batches_ >= self.target + max(self.target, LEAST_FRAMES):
             self.require_found()
@@ -118,7 +118,7 @@ class DetectorStage(Stage):
 
     def require_found(self) -> None:
         """Check that there was an object since it was learned what is none; see `Stage.require_found`."""
-        if self.detector.is_fitted:
+        if self.perception.detector.is_fitted:
             raise _nothing(self, "no object", f"another --perception.detector, {OTHERWISE}")
 
 
@@ -142,7 +142,7 @@ class _StableStage(Stage):
 
     def _detected(self, observation: Observation) -> Objects:
         """Return the objects of a frame; frames without any are no batches, and are not waited through for ever."""
-        objects = self.perception.detector.detect(observation.frame)
+        objects = self.perception.objects(observation)
         self.empty_ = 0 if len(objects) else self.empty_ + 1
         if self.empty_ >= MOST_EMPTY_FRAMES:
             self.require_found()
@@ -220,7 +220,7 @@ class SceneryStage(Stage):
         self.target = perception.config.scene.scenery_frames
 
     def _learn(self, observation: Observation, _action: int | None) -> bool:
-        objects = self.perception.detector.detect(observation.frame)
+        objects = self.perception.objects(observation)
         scenery = self.perception.scenery.partial_fit(self.perception.classes(objects), objects.centres_px)
         done = self.batches_ >= self.target
         if done and not len(scenery.moving_):
@@ -242,7 +242,7 @@ class SlotsStage(Stage):
 
     def _learn(self, observation: Observation, action: int | None) -> bool:
         before = self.perception.begin() if action is None else self._tracks
-        tracks = self.perception.track(before, observation.frame)
+        tracks = self.perception.track(before, observation)
         assigner = self.perception.slot_assigner.partial_fit(tracks, action)
         self._tracks = self.perception.assign(tracks)
         if assigner.is_fitted and not len(assigner.slots_):
