@@ -23,7 +23,6 @@ from semrl.knowledge.edits import enabled_forbidden
 from semrl.knowledge.goals import Goal, Progress, read_goal, require_possible_goal
 from semrl.planning.goal_planner import GoalPlanner, Verdicts
 from semrl.planning.module import PlanningModule
-from semrl.training.config import RunConfig
 from semrl.training.loop import EpisodeView, Step, play
 from semrl.training.session import limited_threads
 
@@ -186,8 +185,9 @@ def _prepared(
     run: str | Path, policy: GoalPolicy, text: str, *, hold: int, until: str | None, avoid: str | None
 ) -> tuple[Player, GoalWatch]:
     """Load who plays, and read what is sought; what people have forbidden is kept out of."""
-    player = load_player(run, memory=True, adapt=_asking_all)
+    player = load_player(run, memory=True)
     planning = player.require_predictions(run)
+    planning.screen(False)  # scenarios that promise no reward may reach the goal
     words = words_of_run(player, run)
     known = knowledge_of(words, run)
     words = replace(words, words=known.words)
@@ -230,10 +230,3 @@ def _outcome(steps: Iterator[Step], watch: GoalWatch, most: int, on_step: Callab
         if step.number >= most or step.done:
             return step.number if watch.progress.reached_at_end[0] else None
     return None
-
-
-def _asking_all(config: RunConfig) -> RunConfig:
-    """Let the world model imagine every scenario: those that promise no reward may reach the goal."""
-    trees = replace(config.planning.trees, screening=0)
-    lifted = replace(config.planning.lifted, screening=0)
-    return replace(config, planning=replace(config.planning, trees=trees, lifted=lifted))

@@ -175,20 +175,13 @@ def load_encoder(run: str | Path) -> Encoder:
     return load_player(run).encoder
 
 
-def load_player(
-    run: str | Path,
-    at: int | None = None,
-    *,
-    memory: bool = False,
-    adapt: Callable[[RunConfig], RunConfig] = lambda config: config,
-) -> Player:
+def load_player(run: str | Path, at: int | None = None, *, memory: bool = False) -> Player:
     """Return the agent and the perception of a run, as of its newest checkpoint or of a milestone.
 
-    With `memory` its map and world model can go on learning: what they remember is loaded as well. `adapt` may change
-    the configuration that the parts are made of, where that changes nothing of what was learned.
+    With `memory` its map and world model can go on learning: what they remember is loaded as well.
     """
     folder = RunFolder.open(Path(run))
-    config = adapt(folder.config())
+    config = folder.config()
     checkpoint = folder.newest(at, play_only=True, memory=memory)
     device = config.device if is_there(config.device) else "auto"  # what a GPU has learned plays without one as well
     dqn = replace(config.dqn, replay_capacity=config.dqn.n_steps + 1)

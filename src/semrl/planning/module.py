@@ -21,7 +21,7 @@ from semrl.planning.protocol import Knowledge, Planner, coordinates
 from semrl.planning.scenario_planner import ScenarioPlannerConfig
 from semrl.planning.state_map import StateMap, StateMapConfig
 from semrl.world_model import WORLD_MODELS, EpisodeRecord, LiftedConfig, ModelPairConfig, TreesConfig
-from semrl.world_model.protocol import ConceptBased
+from semrl.world_model.protocol import ConceptBased, Screening
 
 PLANNERS: Registry[Planner] = Registry("planners", {"scenarios": "semrl.planning.scenario_planner:ScenarioPlanner"})
 
@@ -175,6 +175,11 @@ class PlanningModule:
         if not self.world_model.is_fitted:
             return None
         return self.planner.plan(history, self.knowledge, exploring=exploring, first=first)
+
+    def screen(self, on: bool) -> None:
+        """Say whether the world model may leave out scenarios that promise little reward, where it can."""
+        if isinstance(self.world_model, Screening):
+            self.world_model.screens = on
 
     def planner_controls(self, episode: int) -> bool:
         """Tell whether the planner plays the training episode of this number, from 0."""

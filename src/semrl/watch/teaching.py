@@ -57,7 +57,7 @@ class Teaching:
     Parameters
     ----------
     player
-        As it was trained. Its planner and its world model's screening are exchanged while something is asked of it.
+        As it was trained. Its planner is exchanged, and nothing screened, while something is asked of it.
     folder
         Of its run, in which edits are kept.
 
@@ -81,7 +81,6 @@ class Teaching:
         self.log = tuple(read_log(folder))
         self._trained = player
         self._planner = player.planning.planner if player.planning else None
-        self._settings = getattr(player.planning.world_model, "config", None) if player.planning else None
         self._watch: GoalWatch | None = None
         self._goal_planner: GoalPlanner | None = None
         self._text = ""
@@ -151,10 +150,7 @@ class Teaching:
         if self.seeks:
             assert self._watch is not None
             planning.planner = self._goal_planner = GoalPlanner(self._planner, self._watch, planning.config.long_term)
-        if self._settings is not None and hasattr(self._settings, "screening"):
-            # scenarios that promise no reward may reach the goal: all are imagined
-            settings: Any = replace(self._settings, screening=0) if self.seeks else self._settings
-            planning.world_model.config = settings  # type: ignore[attr-defined]
+        planning.screen(not self.seeks)  # scenarios that promise no reward may reach the goal
         return keeping_out(self._trained, words, self.known)
 
     def begin(self) -> None:

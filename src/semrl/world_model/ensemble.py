@@ -1,12 +1,13 @@
 """What an ensemble of models makes of scenarios: means, what they disagree about, and which are worth asking all of."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semrl.core import Floats, Ints
+from semrl.core import Floats, Ints, Scenarios, Trajectory
 from semrl.core.kernels import compiled
 
 FEWEST_SCREENED = 8
@@ -28,6 +29,16 @@ class Imagined(NamedTuple):
     """``(s,)``, means."""
     uncertainties: Floats
     """``(s,)``, standard deviation of the discounted return."""
+
+    def scenarios(self, states: Floats) -> Scenarios:
+        """Return them as scenarios, given the states ``(s, t, d)`` that what is predicted means."""
+        return Scenarios(
+            actions=self.sequences,
+            states=states,
+            rewards=self.rewards,
+            values=self.values,
+            uncertainties=self.uncertainties,
+        )
 
 
 def imagine_all(roll: Roll, sequences: Ints, *, members: int, screening: int, discount: float) -> Imagined:
@@ -82,16 +93,116 @@ def _returns(rewards: Floats, values: Floats, discount: float) -> NDArray[np.flo
     return np.asarray((rewards * weights).sum(axis=2) + discount**length * values)
 
 
-def is_due(seen: int, newest: int, *, first: int, fewest: int, share: float) -> bool:
-    """Tell whether there is enough new to grow a member anew.
+class Memory(Protocol):
+    """Remembers play."""
 
-    Parameters
+    def add(self, trajectory: Trajectory) -> None:
+        """Remember an episode."""
+        ...
+
+    def joined(self, trajectory: Trajectory) -> Self:
+        """Return all that is remembered and one more episode; this one stays as it is."""
+        ...
+
+
+class Growth(Protocol):
+    """When members are grown, and which of them are asked."""
+
+    @property
+    def members(self) -> int:
+        """How many there are."""
+        ...
+
+    @property
+    def screening(self) -> int:
+        """How many are asked about all scenarios; 0: all of them."""
+        ...
+
+    @property
+    def first_decisions(self) -> int:
+        """Decisions before the first growth."""
+        ...
+
+    @property
+    def new_decisions(self) -> int:
+        """Fewest new decisions before a member is grown anew."""
+        ...
+
+    @property
+    def new_share(self) -> float:
+        """The same as a share of those that the newest was grown from."""
+        ...
+
+
+M = TypeVar("M", bound=Memory)
+
+
+class GrownEnsemble(ABC, Generic[M]):
+    """Members that are grown anew, the oldest first, whenever there is enough new to learn from.
+
+    Attributes
     ----------
-    seen, newest
-        Decisions seen, and those that the newest member was grown from; 0 before there is one.
-    first
-        Decisions before the first growth.
-    fewest, share
-        Fewest new decisions, and the same as a share of those of the newest.
+    memory
+        The play that they are grown from.
+    seen_ : int
+        Decisions seen.
+    grown_ : ndarray
+        ``(members,)`` int64, decisions after which each member was grown; 0 before.
+    screens : bool
+        Whether some members may screen scenarios, where the configuration says so.
     """
-    return seen >= first if not newest else seen - newest >= max(fewest, share * newest)
+
+    def __init__(self, growth: Growth, memory: M, *, seed: int, discount: float) -> None:
+        self.memory = memory
+        self.seed = seed
+        self.discount = discount
+        self.screens = True
+        self.seen_ = 0
+        self.grown_: Ints = np.zeros(growth.members, np.int64)
+        self._growth = growth
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether trees were grown yet."""
+        return bool(self.grown_.all())
+
+    def partial_fit(self, trajectory: Trajectory) -> dict[str, float]:
+        """Remember an episode and, when there is enough new, grow a member anew."""
+        self.memory.add(trajectory)
+        self.seen_ += len(trajectory)
+        if self._is_due(self.seen_):
+            self._grow(self.memory, self.seen_)
+        return {}
+
+    def update_online(self, so_far: Trajectory) -> None:
+        """Grow a member anew, when there is enough new, from all that is remembered and the episode so far."""
+        seen = self.seen_ + len(so_far)
+        if self._is_due(seen):
+            self._grow(self.memory.joined(so_far), seen)
+
+    def _imagined(self, roll: Roll, sequences: Ints) -> Imagined:
+        """Ask the members about sequences; see `imagine_all`."""
+        growth, discount = self._growth, self.discount
+        screening = growth.screening if self.screens else 0
+        return imagine_all(roll, sequences, members=growth.members, screening=screening, discount=discount)
+
+    def _is_due(self, seen: int) -> bool:
+        """Whether there is enough new after so many decisions to grow a member."""
+        growth, newest = self._growth, int(self.grown_.max())
+        if not newest:
+            return seen >= growth.first_decisions
+        return seen - newest >= max(growth.new_decisions, growth.new_share * newest)
+
+    def _grow(self, memory: M, seen: int) -> None:
+        rng = np.random.default_rng([self.seed, seen])
+        grow, alike = self._prepared(memory, rng)
+        oldest = int(self.grown_.argmin()) if self.is_fitted and alike else None
+        grow(oldest)
+        self.grown_[oldest] = seen  # of all of them where there is no oldest
+
+    @abstractmethod
+    def _prepared(self, memory: M, rng: np.random.Generator) -> tuple[Callable[[int | None], None], bool]:
+        """Lay out what is to be learned; return what grows one member or, given None, all, and whether one will do.
+
+        It will not where the others were grown from other numbers.
+        """

@@ -70,6 +70,14 @@ class Remembering(Protocol):
 
 
 @runtime_checkable
+class Screening(Protocol):
+    """A world model that need not imagine all scenarios, but those alone that promise most reward."""
+
+    screens: bool
+    """Whether it may; without, all come back, as one wants them who seeks something else than rewards."""
+
+
+@runtime_checkable
 class ConceptBased(Protocol):
     """A world model that reasons about things of concepts."""
 

@@ -1,15 +1,15 @@
 """A model of the world made of trees, learned while the game goes on (§3.4.3)."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semrl.core import Floats, History, Ints, Scenarios, Trajectory
+from semrl.core import Floats, History, Ints, Scenarios
 from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.errors import UsageError
-from semrl.world_model.ensemble import imagine_all, is_due
+from semrl.world_model.ensemble import GrownEnsemble
 from semrl.world_model.experience import Experience
 from semrl.world_model.rules import Rule, RuleBook, feature_names, read_tree
 from semrl.world_model.tree_kernels import Relations, lay_out, width
@@ -76,7 +76,7 @@ class TreesConfig:
             )
 
 
-class TreeWorld:
+class TreeWorld(GrownEnsemble[Experience]):
     """Regression trees for the change of each number of the state and for the reward.
 
     Parameters
@@ -124,17 +124,18 @@ class TreeWorld:
                 f"trees learn from states of at most {MAX_DIMENSION} numbers, not {dimension}; "
                 "use planning.world_model = 'networks'"
             )
+        super().__init__(config, Experience(config.capacity, dimension), seed=seed, discount=discount)
         self.config = config
-        self.discount = discount
-        self.seed = seed
-        self.experience = Experience(config.capacity, dimension)
         self.axes = np.zeros(dimension, np.int64) if axes is None else axes
         self.forests = Forests(config.members)
         self.varying_ = np.arange(dimension)
         self._compared = self.varying_, self._pairs()  # which varied when these were the pairs
         self.inertia_ = np.zeros(dimension, np.float32)
-        self.seen_ = 0
-        self.grown_ = np.zeros(config.members, np.int64)
+
+    @property
+    def experience(self) -> Experience:
+        """The play that trees are grown from."""
+        return self.memory
 
     @property
     def relations_(self) -> Relations:
@@ -148,47 +149,23 @@ class TreeWorld:
         alone = (axes[:, None] == axes) & (axes >= 0) if self.config.distances else np.ones((len(axes),) * 2, np.bool_)
         return np.argwhere(np.triu(alone, 1))
 
-    @property
-    def is_fitted(self) -> bool:
-        """Whether trees were grown yet."""
-        return bool(self.grown_.all())
-
-    def partial_fit(self, trajectory: Trajectory) -> dict[str, float]:
-        """Remember an episode and, when there is enough new, grow a forest anew."""
-        self.experience.add(trajectory)
-        self.seen_ += len(trajectory)
-        self._grow_if_due(self.experience, self.seen_)
-        return {}
-
-    def update_online(self, so_far: Trajectory) -> None:
-        """Grow a forest anew, when there is enough new, from all that is remembered and the episode so far."""
-        seen = self.seen_ + len(so_far)
-        if self._is_due(seen):
-            self._grow_if_due(self.experience.joined(so_far), seen)
-
     def imagine(self, history: History, sequences: Ints) -> Scenarios:
         """Roll ``(s, t)`` sequences of actions forward from a moment; rewards and values are the forests' mean.
 
         Where some forests screen, only the sequences that they think best of come back.
         """
-        unit, c = np.float32(self.config.resolution), self.config
+        unit = np.float32(self.config.resolution)
         past = self.inertia_, *self._past(history)
         relations = self.relations_
 
         def roll(tried: Ints, members: slice) -> tuple[Floats, Floats, Floats]:
             return self.forests.roll(*past, tried, relations, members)
 
-        told = imagine_all(roll, sequences, members=c.members, screening=c.screening, discount=self.discount)
-        states = np.empty((*told.sequences.shape, history.states.shape[1]), np.float32)
+        imagined = self._imagined(roll, sequences)
+        states = np.empty((*imagined.sequences.shape, history.states.shape[1]), np.float32)
         states[:] = history.states[0]
-        states[:, :, self.varying_] = told.predicted * unit
-        return Scenarios(
-            actions=told.sequences,
-            states=states,
-            rewards=told.rewards,
-            values=told.values,
-            uncertainties=told.uncertainties,
-        )
+        states[:, :, self.varying_] = imagined.predicted * unit
+        return imagined.scenarios(states)
 
     def rules(
         self, names: Sequence[str], actions: Sequence[str], *, most: int = 8, unit: float | None = None
@@ -292,20 +269,14 @@ class TreeWorld:
     def _columns(self) -> int:
         return int(width(len(self.varying_), self.config.past_states, self.config.past_actions, self.relations_))
 
-    def _is_due(self, seen: int) -> bool:
-        c, newest = self.config, int(self.grown_.max())
-        return is_due(seen, newest, first=c.first_decisions, fewest=c.new_decisions, share=c.new_share)
-
-    def _grow_if_due(self, buffer: Experience, seen: int) -> None:
-        if not self._is_due(seen):
-            return
+    def _prepared(self, memory: Experience, rng: np.random.Generator) -> tuple[Callable[[int | None], None], bool]:
         c = self.config
         known = self.varying_, self.inertia_
-        rng = np.random.default_rng([self.seed, seen])
-        rows, targets = self.training_set(buffer, rng)
+        rows, targets = self.training_set(memory, rng)
         leaves = c.leaf_rows(targets.shape[1])
         unseen = rows.shape[1] - 1 - c.past_actions  # the action
-        same = np.array_equal(known[0], self.varying_) and np.array_equal(known[1], self.inertia_)
-        oldest = int(self.grown_.argmin()) if self.is_fitted and same else None
-        self.forests.fit(rows, targets, rng, leaf_rows=leaves, unseen=unseen, member=oldest)
-        self.grown_[oldest] = seen  # of all of them where there is no oldest
+
+        def grow(member: int | None) -> None:
+            self.forests.fit(rows, targets, rng, leaf_rows=leaves, unseen=unseen, member=member)
+
+        return grow, np.array_equal(known[0], self.varying_) and np.array_equal(known[1], self.inertia_)

@@ -1,6 +1,6 @@
 """A model of the world in concepts, learned while the game goes on (§3.4.3): any number of things."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from itertools import groupby, islice
 
@@ -14,7 +14,7 @@ from semrl.core.arrays import Arrays, array_to_json, json_to_array, nest, unnest
 from semrl.core.errors import UsageError
 from semrl.core.named import IMAGE_SIZE_PX
 from semrl.core.things import SLOT_NUMBERS
-from semrl.world_model.ensemble import imagine_all, is_due
+from semrl.world_model.ensemble import GrownEnsemble
 from semrl.world_model.lifted.config import LiftedConfig
 from semrl.world_model.lifted.decision_lists import About, joined_lists, read_lists
 from semrl.world_model.lifted.features import PAST_ACTIONS, Kinds
@@ -30,7 +30,7 @@ _STRAYS = 0.05
 """Share of the places of what moves beyond each border: some are mistakes."""
 
 
-class LiftedWorld:
+class LiftedWorld(GrownEnsemble[Play]):
     """Trees for the next velocity, the vanishing and the reward of things, one set a concept, shared by its instances.
 
     They look at relative features: see `semrl.world_model.lifted.features`. So any number of things is predicted, and
@@ -74,26 +74,22 @@ class LiftedWorld:
         axes: Ints | None = None,
     ) -> None:
         del n_actions, axes  # an action is a number among others to a tree; slots say themselves what they are
+        super().__init__(config, Play(config.capacity), seed=seed, discount=discount)
         self.config = config
         self.dimension = dimension
-        self.discount = discount
-        self.seed = seed
         self.concepts = Concepts()
         self._learns_concepts = True
-        self.play = Play(config.capacity)
         self.kinds_ = Kinds(np.zeros(0, np.int64), np.zeros(0, np.bool_), np.zeros(0, np.bool_))
         self.families_: Ints = np.zeros(0, np.int64)
         self.teller_ = -1
-        self.seen_ = 0
-        self.grown_: Ints = np.zeros(config.members, np.int64)
         self._saved_lists: list[Rule] = []
         self._members: list[Member] = []
         self._trees: list[Trees] = []
 
     @property
-    def is_fitted(self) -> bool:
-        """Whether trees were grown yet."""
-        return bool(self.grown_.all())
+    def play(self) -> Play:
+        """What trees are grown from."""
+        return self.memory
 
     def share(self, concepts: Concepts) -> None:
         """Take over what the things are; they are no longer learned here."""
@@ -111,16 +107,7 @@ class LiftedWorld:
             raise UsageError("the world model 'lifted' needs to be told of things: choose an encoder that follows them")
         if self._learns_concepts:
             self.concepts.partial_fit(trajectory.things)
-        self.play.add(trajectory)
-        self.seen_ += len(trajectory)
-        self._grow_if_due(self.play, self.seen_)
-        return {}
-
-    def update_online(self, so_far: Trajectory) -> None:
-        """Grow a member anew, when there is enough new, from all that is remembered and the episode so far."""
-        seen = self.seen_ + len(so_far)
-        if self._is_due(seen):
-            self._grow_if_due(self.play.joined(so_far), seen)
+        return super().partial_fit(trajectory)
 
     def imagine(self, history: History, sequences: Ints) -> Scenarios:
         """Roll ``(s, t)`` sequences of actions forward from a moment; rewards and values are the members' mean.
@@ -132,19 +119,12 @@ class LiftedWorld:
         relations = len(self.families_)
 
         def roll_some(tried: Ints, members: slice) -> tuple[Floats, Floats, Floats]:
-            told = [roll(trees, self.kinds_, objects, past, tried, relations) for trees in self._trees[members]]
-            rewards, values = (np.concatenate([each[k] for each in told]) for k in (1, 2))
-            return told[0][0], rewards, values
+            rolled = [roll(trees, self.kinds_, objects, past, tried, relations) for trees in self._trees[members]]
+            rewards, values = (np.concatenate([each[k] for each in rolled]) for k in (1, 2))
+            return rolled[0][0], rewards, values
 
-        c = self.config
-        told = imagine_all(roll_some, sequences, members=c.members, screening=c.screening, discount=self.discount)
-        return Scenarios(
-            actions=told.sequences,
-            states=self._as_facts(history.states[0], objects, told.predicted),
-            rewards=told.rewards,
-            values=told.values,
-            uncertainties=told.uncertainties,
-        )
+        imagined = self._imagined(roll_some, sequences)
+        return imagined.scenarios(self._as_facts(history.states[0], objects, imagined.predicted))
 
     def rules(
         self, names: Sequence[str], actions: Sequence[str], *, most: int = 8, unit: float | None = None
@@ -275,25 +255,22 @@ class LiftedWorld:
         return states
 
     def _is_due(self, seen: int) -> bool:
-        c, newest = self.config, int(self.grown_.max())
-        return is_due(seen, newest, first=c.first_decisions, fewest=c.new_decisions, share=c.new_share)
+        return super()._is_due(seen) and self.concepts.is_fitted
 
-    def _grow_if_due(self, play: Play, seen: int) -> None:
-        if not self._is_due(seen) or not self.concepts.is_fitted:
-            return
+    def _prepared(self, memory: Play, rng: np.random.Generator) -> tuple[Callable[[int | None], None], bool]:
         c, before = self.config, (*self.kinds_, self.families_, np.array(self.teller_))
-        rng = np.random.default_rng([self.seed, seen])
-        told = {concept: _some(rows, c.most_rows, rng) for concept, rows in self.training_set(play).items()}
+        told = {concept: _some(rows, c.most_rows, rng) for concept, rows in self.training_set(memory).items()}
         self.teller_ = find_teller(told, c)
         after = *self.kinds_, self.families_, np.array(self.teller_)
-        same = all(np.array_equal(old, new) for old, new in zip(before, after, strict=True))
-        oldest = int(self.grown_.argmin()) if self.is_fitted and same else None
-        if oldest is None:
-            self._members = [Member.empty()] * c.members
-        for i in range(c.members) if oldest is None else (oldest,):
-            self._members[i] = grow_member(told, len(self.concepts), self.teller_, c, rng, draws=i > 0)
-        self.grown_[oldest] = seen  # of all of them where there is no oldest
-        self._pack()
+
+        def grow(member: int | None) -> None:
+            if member is None:
+                self._members = [Member.empty()] * c.members
+            for i in range(c.members) if member is None else (member,):
+                self._members[i] = grow_member(told, len(self.concepts), self.teller_, c, rng, draws=i > 0)
+            self._pack()
+
+        return grow, all(np.array_equal(old, new) for old, new in zip(before, after, strict=True))
 
     def _pack(self) -> None:
         """Note the trees as the compiled code wants them."""
