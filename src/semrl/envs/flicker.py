@@ -206,6 +206,7 @@ class _Emulator:
         self.actions, self.rng = self.ale.getMinimalActionSet(), rng
 
     def frame(self, *, hold: bool) -> NDArray[np.uint8]:
+        """Go on by a frame, with the action before or another one, and return what is shown."""
         if not hold:
             if self.ale.game_over():
                 self.ale.reset_game()
@@ -224,6 +225,7 @@ class _Stepping:
         self.space.seed(seed)
 
     def frame(self, *, hold: bool) -> NDArray[np.uint8]:
+        """Go on by a frame, with the action before or another one, and return what is shown."""
         if self.done:
             self.seed, self.done = self.seed + 1, False
             return np.asarray(self.env.reset(seed=self.seed)[0])

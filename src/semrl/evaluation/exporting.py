@@ -6,7 +6,7 @@ import re
 import shutil
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -80,44 +80,46 @@ def export_play(
     MissingExtraError
         When Minari is not installed.
     """
-    try:
-        import h5py  # noqa: F401 - in whose files Minari keeps what it is given
-        import minari
-        from minari.data_collector import EpisodeBuffer
-    except ImportError:
-        raise MissingExtraError("minari", "semrl export") from None
+    _require_minari()
     if episodes < 1 or (seed is not None and seed < 0):
         raise UsageError(f"episodes must be 1 or more and seed 0 or more, not {episodes} and {seed}")
     player = ready_player(run, policy)
     writer = _EpisodeWriter(player, run, frames=frames)
-    name = f"semrl/{re.sub(r'[^A-Za-z0-9_.-]+', '-', Path(run).resolve().name).strip('-') or 'run'}-v0"
-    if (Path(to) / name).exists():
-        raise UsageError(f"{Path(to) / name} is there already; delete it, or write to another folder")
+    name = _new_name(run, Path(to))
     make_folder(Path(to))
     seed = player.config.seed + EVALUATION_SEED if seed is None else seed
-    played: list[Any] = []
+    played = []
     with limited_threads(player.config.threads), contextlib.closing(player.new_env()) as env:
         for number in range(episodes):
             steps = list(player.episode(number, seed, policy, env))
-            played.append(EpisodeBuffer(id=number, seed=seed, **writer.episode(steps)))
+            played.append({"id": number, "seed": seed, **writer.episode(steps)})
             on_episode(steps[-1].total)
-    with _written_beside(Path(to), name) as beside, _datasets_in(beside), warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # of authors and environments that are not named
-        made = minari.create_dataset_from_buffers(
-            name, played, observation_space=writer.space, action_space=gym.spaces.Discrete(len(player.action_names)),
-            algorithm_name=f"semrl {player.config.model}, {policy}", data_format="hdf5", jpeg_encoding=False,
-            description=f"{player.config.env}, played by semrl after {player.decisions:,} decisions",
-        )  # fmt: skip
-        made.storage.update_metadata({f"semrl_{key}": value for key, value in writer.metadata().items()})
+    writer.write(Path(to), name, played, policy)
     return ExportedPlay(
         dataset=name,
         folder=str(to),
         episodes=episodes,
-        decisions=sum(len(one.actions) for one in played),
+        decisions=sum(len(one["actions"]) for one in played),
         facts=list(writer.facts),
         slots=list(writer.slots),
         concepts=list(writer.concepts),
     )
+
+
+def _require_minari() -> None:
+    try:
+        import h5py  # noqa: F401 - in whose files Minari keeps what it is given
+        import minari  # noqa: F401
+    except ImportError:
+        raise MissingExtraError("minari", "semrl export") from None
+
+
+def _new_name(run: str | Path, folder: Path) -> str:
+    """Return the name of a run's data set, which is not there yet."""
+    name = f"semrl/{re.sub(r'[^A-Za-z0-9_.-]+', '-', Path(run).resolve().name).strip('-') or 'run'}-v0"
+    if (folder / name).exists():
+        raise UsageError(f"{folder / name} is there already; delete it, or write to another folder")
+    return name
 
 
 class _EpisodeWriter:
@@ -156,6 +158,22 @@ class _EpisodeWriter:
             "truncations": np.array([step.truncated or (step is after[-1] and not step.done) for step in after]),
             "infos": {},
         }
+
+    def write(self, folder: Path, name: str, played: Sequence[Mapping[str, Any]], policy: Policy) -> None:
+        """Write episodes as a data set."""
+        import minari
+        from minari.data_collector import EpisodeBuffer
+
+        player = self.player
+        with _written_beside(folder, name) as beside, _datasets_in(beside), warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of authors and environments that are not named
+            made = minari.create_dataset_from_buffers(
+                name, [EpisodeBuffer(**one) for one in played], observation_space=self.space,
+                action_space=gym.spaces.Discrete(len(player.action_names)),
+                algorithm_name=f"semrl {player.config.model}, {policy}", data_format="hdf5", jpeg_encoding=False,
+                description=f"{player.config.env}, played by semrl after {player.decisions:,} decisions",
+            )  # fmt: skip
+            made.storage.update_metadata({f"semrl_{key}": value for key, value in self.metadata().items()})
 
     def metadata(self) -> dict[str, Any]:
         """Return what numbers mean, for the metadata."""

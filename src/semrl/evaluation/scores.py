@@ -103,29 +103,35 @@ def evaluate(
     """
     if (episodes is not None and episodes < 1) or (seed is not None and seed < 0):
         raise UsageError(f"episodes must be 1 or more and seed 0 or more, not {episodes} and {seed}")
-    asked: dict[str, Any] = {"episodes": episodes, "exploration": exploration, "sticky_actions": sticky_actions}
-    asked |= {"variant": variant, "max_decisions": max_decisions, "classes": classes}
+    named: dict[str, Any] = {"exploration": exploration, "sticky_actions": sticky_actions, "variant": variant}
+    named |= {"classes": classes}
+    asked = {**named, "episodes": episodes, "max_decisions": max_decisions}
     player = ready_player(run, policy, at, {name: value for name, value in asked.items() if value is not None})
-    seed = player.config.seed + EVALUATION_SEED if seed is None else seed
-    path = result_path(
-        run,
-        policy=policy,
-        exploration=exploration,
-        sticky_actions=sticky_actions,
-        variant=variant,
-        classes=classes,
-        at=at,
-    )
+    path = result_path(run, policy=policy, at=at, **named)
     warn_unwritable(path)
+    result = _played(run, player, policy, seed, on_episode=on_episode, on_step=on_step)
+    keep_result(path, asdict(result))
+    return result
+
+
+def _played(
+    run: str | Path,
+    player: Player,
+    policy: Policy,
+    seed: int | None,
+    *,
+    on_episode: Callable[[float], None],
+    on_step: Callable[[int, Step], None],
+) -> EvaluationResult:
+    """Play the episodes of an evaluation; see `evaluate`."""
+    seed = player.config.seed + EVALUATION_SEED if seed is None else seed
     games: list[_Game] = []
     with limited_threads(player.config.threads), contextlib.closing(player.new_env()) as env:
         for episode in range(player.config.evaluation.episodes):
             games.append(_game(player.episode(episode, seed, policy, env), partial(on_step, episode)))
             on_episode(games[-1].total)
         world = World.of(env, player.config.environment)
-    result = _summed_up(run, policy, games, _conditions(player, seed, world, games))
-    keep_result(path, asdict(result))
-    return result
+    return _summed_up(run, policy, games, _conditions(player, seed, world, games))
 
 
 def ready_player(
@@ -173,7 +179,7 @@ def _warn_of_cuts(cut: Sequence[int], tested: EvaluationConfig) -> None:
         f"{which} cut after {tested.max_decisions:,} decisions, before the game had ended; "
         "--max-decisions says how long an episode may be",
         SemrlWarning,
-        stacklevel=3,
+        stacklevel=4,
     )
 
 

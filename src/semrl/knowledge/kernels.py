@@ -14,7 +14,7 @@ INVERSE, SYMMETRIC, TRANSITIVE, CHAIN = range(4)
 
 
 @compiled
-def run_program(  # noqa: PLR0912, PLR0917 - compiled functions take no keywords; one branch an operation
+def run_program(  # noqa: PLR0912, PLR0917 - no keywords where compiled; in parts it takes 1.6 times as long
     program: Ints,
     bounds: NDArray[np.float64],
     present: NDArray[np.bool_],

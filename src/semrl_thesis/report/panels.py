@@ -56,6 +56,7 @@ def _group_colour(group: int) -> str:
 
 def _curves(panel: Curves, title: str) -> Markup:
     def paint(axes: Axes) -> None:
+        """Draw the curves and the goal."""
         for i, curve in enumerate(panel.curves):
             _line(axes, curve, _colour(i))
         label_axes(axes, panel.xlabel, panel.ylabel)
@@ -75,6 +76,7 @@ def _line(axes: Axes, curve: Curve, colour: str) -> None:
 
 def _bars(panel: Bars, title: str) -> Markup:
     def paint(axes: Axes) -> None:
+        """Draw the bars."""
         places = np.arange(len(panel.heights))
         axes.bar(places, panel.heights, color=RUN_COLOURS[0], width=0.8, log=panel.logarithmic)
         if not panel.logarithmic:
@@ -90,6 +92,7 @@ def _bars(panel: Bars, title: str) -> Markup:
 
 def _scatter(panel: Scatter, title: str) -> Markup:
     def paint(axes: Axes) -> None:
+        """Draw the points and the line."""
         areas = np.maximum(MOST_AREA * panel.weights / max(panel.weights.max(initial=0), 1), 6)
         areas = np.full(len(areas), 16) if np.ptp(panel.weights) == 0 else areas
         colours = [_group_colour(group) for group in panel.groups.tolist()]
@@ -104,6 +107,7 @@ def _scatter(panel: Scatter, title: str) -> Markup:
 
 def _network(panel: Network, title: str) -> Markup:
     def paint(axes: Axes) -> None:
+        """Draw the edges by their signs, then the nodes."""
         ends = np.stack([panel.positions[panel.sources], panel.positions[panel.targets]], axis=1)  # (m, 2, 2)
         for sign, colour in SIGN_COLOURS.items():
             some = ends[panel.signs == sign]

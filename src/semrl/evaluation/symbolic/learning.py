@@ -76,6 +76,7 @@ class _Curious:
         self.waiting: list[int] = []
 
     def choose(self, record: Record) -> int:
+        """Return the next action: the next step towards one that was not tried yet, or any."""
         self.played += 1
         self.since += 1
         if not record.actions:

@@ -1,7 +1,7 @@
 """Plans in layouts that were not learned from: made, carried out, and written as PDDL."""
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -91,30 +91,42 @@ def play_plans(
     world = SymbolicWorld.load(Path(run))
     concepts, operators = world.learn()
     sought = read_symbolic_goal(goal, concepts, operators)
-    ended: list[int | None] = []
-    planned: list[int | None] = []
+    outcomes: list[tuple[int | None, int | None]] = []
     with contextlib.closing(make_env(world.env, EnvironmentConfig(frame_skip=1))) as made:
         game = Game(made, 0)
         for trial in range(trials):
             record = Record(world.lattice.read(game.begin(_first_layout(seed) + trial).frame))
             layout = _Trial(game, record, world, concepts, operators, planner)
-            solved, steps = layout.carry_out(sought, max_decisions)
-            ended.append(solved)
-            planned.append(steps)
-            on_trial(trial, solved)
-    solved_count = sum(one is not None for one in ended)
+            outcomes.append(layout.carry_out(sought, max_decisions))
+            on_trial(trial, outcomes[-1][0])
+    names = [name for concept, name in concept_names(concepts, operators).items() if concept >= 0]
+    known = len(operators.operators)
+    return _summed_up(run, goal, world, operators=known, concepts=names, outcomes=outcomes)
+
+
+def _summed_up(
+    run: str | Path,
+    goal: str,
+    world: SymbolicWorld,
+    *,
+    operators: int,
+    concepts: list[str],
+    outcomes: Sequence[tuple[int | None, int | None]],
+) -> SymbolicResult:
+    """Return what came of the trials: of each, decisions until the goal was met and steps of the first plan."""
+    solved = sum(decisions is not None for decisions, _ in outcomes)
     return SymbolicResult(
         run=str(run),
         env=world.env,
         goal=goal,
-        operators=len(operators.operators),
-        concepts=[name for concept, name in concept_names(concepts, operators).items() if concept >= 0],
+        operators=operators,
+        concepts=concepts,
         learned_from=world.decisions,
-        trials=trials,
-        solved=solved_count,
-        share=solved_count / trials if trials else 0.0,
-        decisions=ended,
-        planned=planned,
+        trials=len(outcomes),
+        solved=solved,
+        share=solved / len(outcomes) if outcomes else 0.0,
+        decisions=[decisions for decisions, _ in outcomes],
+        planned=[steps for _, steps in outcomes],
     )
 
 
