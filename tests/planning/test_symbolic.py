@@ -1,6 +1,7 @@
 """Operators learned from pixels of discrete worlds are those of the world, and plans with them are shortest."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -97,9 +98,11 @@ def test_what_was_never_tried_is_sought(maze, known):
     concepts, operators = known
     start = at(maze, concepts, 44)
     assert len(nearest(operators, start, lambda _: True)) == 0
-    fresh = Operators(operators=operators.operators, asked=operators.asked)
-    assert fresh.untried(start, 4) == [0, 1, 2, 3]
-    assert operators.untried(start, 4) == []
+    context = operators.context(start)
+    fresh = replace(operators, tried=frozenset())
+    assert fresh.untried(context, 4) == [0, 1, 2, 3]
+    assert fresh.untried(context, 4, since=set(fresh.met(2, context))) == [0, 1, 3]
+    assert operators.untried(context, 4) == []
 
 
 def test_plans_are_carried_out_in_the_world_and_play_is_kept(maze, tmp_path):
@@ -140,6 +143,14 @@ def test_layouts_of_minigrid_that_were_not_seen_are_solved(tmp_path):
     (tmp_path / "p.pddl").write_text(problem)
     read = reader.parse_problem(str(tmp_path / "d.pddl"), str(tmp_path / "p.pddl"))
     assert len(read.actions) == domain.count("(:action") and len(list(read.all_objects)) == 5 * 5 + 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("world", "decisions"), [("DoorKey-5x5", 600), ("KeyCorridorS3R3", 2_000)])
+def test_layouts_with_keys_and_doors_are_solved(world, decisions, tmp_path):
+    pytest.importorskip("minigrid", reason="needs the extra minigrid")
+    learn_world(f"MiniGrid-{world}-v0", decisions=decisions).save(tmp_path)
+    assert play_plans(tmp_path, trials=3).solved == 3
 
 
 @pytest.mark.slow

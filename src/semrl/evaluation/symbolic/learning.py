@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,17 +12,23 @@ from semrl.envs.actions import action_meanings
 from semrl.envs.environment import EnvironmentConfig
 from semrl.evaluation.symbolic.world import Record, SymbolicWorld
 from semrl.perception.lattice import Lattice
-from semrl.planning.symbolic.cells import CellConcepts
-from semrl.planning.symbolic.operators import Operators
-from semrl.planning.symbolic.search import nearest
+from semrl.planning.symbolic.cells import CellConcepts, GridState
+from semrl.planning.symbolic.operators import Context, Operators, Trial
+from semrl.planning.symbolic.search import SymbolicGoal, nearest, search
 
 LEARNING_DECISIONS = 2_000
 
 _FIRST = 60
 """Random decisions before what was never tried is sought."""
 _EVERY = 20
-_EVERY_PART = 5
+_EVERY_PART = 10
 """Decisions after which operators are learned anew: so many at least, and such a part of all."""
+_AT_RANDOM = 0.25
+"""Share of decisions that chance takes where no plan is being carried out."""
+_MOST_STATES = 2_000
+"""That are looked at for something that was never tried."""
+_ANYHOW = 20
+"""Decisions that chance takes where nothing is found, before another layout begins."""
 _FRAMES = 30
 """From which the side of a cell is found."""
 
@@ -58,7 +65,8 @@ def learn_world(
         while played < decisions:
             observation = game.reset()
             record = Record(world.lattice.read(observation.frame))
-            while not record.over and played < decisions:
+            chooser.begin()
+            while not record.over and played < decisions and not chooser.bored:
                 record.take(game, chooser.choose(record), world.lattice)
                 played += 1
                 on_decision(played)
@@ -72,38 +80,68 @@ class _Curious:
     def __init__(self, world: SymbolicWorld, n_actions: int, rng: np.random.Generator) -> None:
         self.world, self.n_actions, self.rng = world, n_actions, rng
         self.known: tuple[CellConcepts, Operators] | None = None
+        self.state: GridState | None = None
         self.since = self.played = 0
+        self.tried = set[Trial]()
         self.waiting: list[int] = []
+        self.bored = self.giving_up = False
+        """Whether another layout should begin."""
+
+    def begin(self) -> None:
+        """Begin an episode."""
+        self.waiting, self.state = [], None
+        self.bored = self.giving_up = False
 
     def choose(self, record: Record) -> int:
         """Return the next action: the next step towards one that was not tried yet, or any."""
+        self._see(record)
         self.played += 1
         self.since += 1
-        if not record.actions:
-            self.waiting = []
-        if self.played > _FIRST and not self.waiting and self.rng.random() < 1 / 2:
-            self._seek(record)
-        if self.waiting:
-            return self.waiting.pop(0)
-        return int(self.rng.integers(self.n_actions))
+        if not self.waiting and self.state is not None and self.rng.random() >= _AT_RANDOM:
+            self._seek()
+        self.bored = self.giving_up and len(self.waiting) <= 1
+        action = self.waiting.pop(0) if self.waiting else int(self.rng.integers(self.n_actions))
+        if self.known is not None and self.state is not None:
+            operators = self.known[1]
+            self.tried |= set(operators.met(action, operators.context(self.state)))
+        return action
 
-    def _seek(self, record: Record) -> None:
-        if self.known is None or self.since > max(_EVERY, self.played // _EVERY_PART):
-            world = SymbolicWorld(env="", actions=(), lattice=self.world.lattice)
-            world.episodes = [*self.world.episodes, *([record.episode()] if record.actions else [])]
-            try:
-                self.known = world.learn()
-            except UsageError:
-                return
-            self.since = 0
-        concepts, operators = self.known
-        state = list(concepts.states(np.array(record.grids)))[-1]
-        if state is None:
-            return
-        found = nearest(operators, state, lambda one: bool(operators.untried(one, self.n_actions)))
+    def _see(self, record: Record) -> None:
+        """Take in what is seen, and learn anew when it is time to."""
+        if self.played >= _FIRST and self.since > max(_EVERY, self.played // _EVERY_PART):
+            self._learn(record)
+        elif self.known is not None:
+            self.state = self.known[0].state(record.grids[-1], self.state) or self.state
+
+    def _learn(self, record: Record) -> None:
+        world = replace(self.world, episodes=[*self.world.episodes, record.episode()])
+        self.since = 0
+        with contextlib.suppress(UsageError):  # when nothing has moved yet
+            self.known = world.learn()
+            self.tried.clear()
+            *_, self.state = self.known[0].states(record.grids)
+
+    def _seek(self) -> None:
+        """Plan to where something was never tried; where nothing is left to try, to a gain, and then elsewhere."""
+        assert self.known is not None
+        assert self.state is not None
+        operators = self.known[1]
+        untried: dict[Context, list[int]] = {}
+
+        def new(state: GridState) -> list[int]:
+            context = operators.context(state)
+            if context not in untried:
+                untried[context] = operators.untried(context, self.n_actions, self.tried)
+            return untried[context]
+
+        found = nearest(operators, self.state, lambda state: bool(new(state)), _MOST_STATES)
         if found is not None:
-            new = operators.untried(found.states[-1], self.n_actions)
-            self.waiting = [one.action for one in found.operators] + [int(self.rng.choice(new))]
+            self.waiting = [one.action for one in found.operators] + [int(self.rng.choice(new(found.states[-1])))]
+            return
+        gain = search(operators, self.state, SymbolicGoal(event="gain"), _MOST_STATES)
+        self.giving_up = gain is None
+        at_random = [int(action) for action in self.rng.integers(self.n_actions, size=_ANYHOW)]
+        self.waiting = [one.action for one in gain.operators] if gain else at_random
 
 
 def _frames(game: Game, rng: np.random.Generator) -> list[np.ndarray]:

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
 from semrl.core.errors import UsageError
 from semrl.envs import Game, make_env
 from semrl.envs.environment import EnvironmentConfig
@@ -177,7 +175,7 @@ class _Trial:
         steps: int | None = None
         place = 0
         while not self.record.over and len(self.record.actions) < most:
-            state = list(self.concepts.states(np.array(self.record.grids)))[-1]
+            *_, state = self.concepts.states(self.record.grids)
             if plan is None or place >= len(plan) or plan.states[place] != state:
                 plan, place = None if state is None else self._planned(state, goal), 0
                 if plan is None:
@@ -206,5 +204,5 @@ def _met(record: Record, concepts: CellConcepts, goal: SymbolicGoal) -> bool:
     """Tell whether the newest decision of an episode met a goal, as the world says, not the plan."""
     if goal.event:
         return record.rewards[-1] > 0 if goal.event == "gain" else record.ended
-    *_, before, state = [None, *concepts.states(np.array(record.grids))]
+    *_, before, state = [None, *concepts.states(record.grids)]
     return state is not None and goal.reached(None, before, state)

@@ -10,8 +10,10 @@ from semrl.core.errors import SemrlError, UsageError
 from semrl.core.files import make_folder, read_arrays, write_arrays
 from semrl.envs import Game
 from semrl.perception.lattice import Lattice
+from semrl.planning.symbolic.appearances import Appearances
 from semrl.planning.symbolic.cells import CellConcepts, GridEpisode, learn_concepts
-from semrl.planning.symbolic.operators import Operators, learn_operators
+from semrl.planning.symbolic.induction import learn_operators
+from semrl.planning.symbolic.operators import Operators
 
 PLAY = "symbols.npz"
 """File in a run's folder: the play that operators are learned from, cell by cell."""
@@ -28,7 +30,7 @@ class SymbolicWorld:
 
     def learn(self) -> tuple[CellConcepts, Operators]:
         """Learn concepts and operators from all play."""
-        concepts = learn_concepts(self.episodes)
+        concepts = learn_concepts(self.episodes, Appearances(self.lattice.patterns_))
         return concepts, learn_operators(self.episodes, concepts)
 
     @property

@@ -1,15 +1,15 @@
 """Cells of a discrete world as symbols: what the actions move, and which appearances mean the same."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semrl.core import Ints
-from semrl.core.errors import UsageError
+from semrl.planning.symbolic.appearances import Appearances, Shape
+from semrl.planning.symbolic.movers import changes, join, own_kinds, root
 
 OUTSIDE = -1
 """The concept of what lies beyond the world."""
@@ -59,125 +59,110 @@ class GridState:
 class CellConcepts:
     """Which kinds of cells mean what."""
 
-    own: frozenset[int]
-    """Kinds of the thing that the actions move."""
+    own: Mapping[int, int]
+    """Kind of the thing that the actions move → the kind that it is when nothing is beneath it: which way it faces."""
     concept_of: Mapping[int, int]
     """Kind of any other cell → its concept."""
     floor: int
     """The concept that was mostly found where that thing had stood."""
+    looks: Appearances
+    """Of kinds, also of those that were not met while learning."""
 
-    def states(self, grids: Ints) -> Iterator[GridState | None]:
+    def states(self, grids: Iterable[Ints]) -> Iterator[GridState | None]:
         """Yield the states of an episode; None where what the actions move is not seen."""
-        concepts = np.full(max([*grids.ravel().tolist(), *self.concept_of], default=0) + 1, UNKNOWN, np.int8)
-        concepts[list(self.concept_of)] = list(self.concept_of.values())
-        before: NDArray[np.int8] | None = None
+        before: GridState | None = None
         for grid in grids:
-            cells = concepts[grid]
-            places = np.argwhere(np.isin(grid, list(self.own)))
-            if len(places) != 1:
-                yield None
-                continue
-            row, column = map(int, places[0])
-            cells[row, column] = self.floor if before is None else before[row, column]
-            before = cells
-            yield GridState(
-                row=row,
-                column=column,
-                kind=int(grid[row, column]),
-                cells=cells.tobytes(),
-                columns=cells.shape[1],
-            )
+            state = self.state(grid, before)
+            yield state
+            before = state or before
+
+    def state(self, grid: Ints, before: GridState | None) -> GridState | None:
+        """Return what is seen, given the state before it if any; None where what the actions move is not seen."""
+        kinds = np.unique(grid).tolist()
+        concepts = np.full(kinds[-1] + 1, UNKNOWN, np.int8)
+        concepts[kinds] = [self._concept(kind) for kind in kinds]
+        own = [kind for kind in kinds if kind in self.own]
+        if not own:  # it may stand on what it was never seen on
+            own = [kind for kind in kinds if concepts[kind] == UNKNOWN]
+        places = np.argwhere(np.isin(grid, own))
+        if len(places) != 1:
+            return None
+        row, column = map(int, places[0])
+        cells = concepts[grid]
+        there = row * cells.shape[1] + column
+        cells[row, column] = self.floor if before is None else np.frombuffer(before.cells, np.int8)[there]
+        kind = self._facing(int(grid[row, column]))
+        return GridState(row=row, column=column, kind=kind, cells=cells.tobytes(), columns=cells.shape[1])
+
+    @cached_property
+    def _concept_of_shape(self) -> dict[Shape, int]:
+        told: dict[Shape, set[int]] = {}
+        for kind, concept in self.concept_of.items():
+            told.setdefault(self.looks.shape(kind), set()).add(concept)
+        return {shape: min(concepts) for shape, concepts in told.items() if shape and len(concepts) == 1}
+
+    def _concept(self, kind: int) -> int:
+        """Return the concept of a kind, which may be new: that of what is of the same shape."""
+        if kind in self.concept_of:
+            return self.concept_of[kind]
+        return self._concept_of_shape.get(self.looks.shape(kind), UNKNOWN)
+
+    def _facing(self, kind: int) -> int:
+        return self.own[kind] if kind in self.own else self.looks.most_alike(kind, set(self.own.values()))
 
 
-def learn_concepts(episodes: Sequence[GridEpisode]) -> CellConcepts:
+def learn_concepts(episodes: Sequence[GridEpisode], looks: Appearances) -> CellConcepts:
     """Find what the actions move, and which kinds of cells are one concept.
 
     What is moved is the one thing of a few kinds that is seen once in each frame and in other places than before. Of
-    the others, kinds are one concept when cells go from one to the other and back while it moves: a matter of view,
-    as is light.
+    the others, kinds are one concept when they are of one shape, whatever their colours, and when cells go from one
+    to the other and back while it moves: a matter of view, as is light.
 
     Raises
     ------
     UsageError
         When nothing moves.
     """
-    frames = [grid for episode in episodes for grid in episode.grids]
-    most = Counter[int]()
-    for grid in frames:
-        kinds, counts = np.unique(grid, return_counts=True)
-        for kind, count in zip(kinds.tolist(), counts.tolist(), strict=True):
-            most[kind] = max(most[kind], count)
-    single = {kind for kind, count in most.items() if count == 1}
-    own = _own_kinds(episodes, single)
+    plays = [episode.grids for episode in episodes]
+    seen, single = _counted(plays)
+    own = own_kinds(plays, seen, single, looks)
     switches, revealed = Counter[tuple[int, int]](), Counter[int]()
-    for before, after in _pairs(episodes):
-        was, now = np.isin(before, list(own)), np.isin(after, list(own))
-        if not (before[was] != after[was]).any():
+    for changed in changes(plays):
+        if not any(a in own for a, _ in changed):
             continue  # it neither moved nor turned, so that what has changed was done by it
-        revealed.update(after[was & ~now].tolist())
-        plain = (before != after) & ~was & ~now
-        switches.update(zip(before[plain].tolist(), after[plain].tolist(), strict=True))
-    group = _joined(most.keys() - own, switches, single)
+        revealed.update(b for a, b in changed if a in own and b not in own)
+        switches.update((a, b) for a, b in changed if a not in own and b not in own)
+    group = _joined(seen.keys() - own.keys(), switches, single, looks)
     concepts = {kind: place for place, kind in enumerate(sorted(set(group.values())))}
     concept_of = {kind: concepts[first] for kind, first in group.items()}
     floors = Counter(concept_of[kind] for kind in revealed.elements() if kind in concept_of)
-    return CellConcepts(own=own, concept_of=concept_of, floor=floors.most_common(1)[0][0] if floors else UNKNOWN)
+    floor = floors.most_common(1)[0][0] if floors else UNKNOWN
+    return CellConcepts(own=own, concept_of=concept_of, floor=floor, looks=looks)
 
 
-def _pairs(episodes: Sequence[GridEpisode]) -> Iterator[tuple[Ints, Ints]]:
-    for episode in episodes:
-        yield from pairwise(episode.grids)
+def _counted(plays: Iterable[Ints]) -> tuple[Counter[int], set[int]]:
+    """Return kind → frames in which it is seen, and the kinds that are seen once at most in each."""
+    frames, more = Counter[int](), set[int]()
+    for grids in plays:
+        for grid in grids:
+            counts = Counter(grid.ravel().tolist())
+            frames.update(counts.keys())
+            more.update(kind for kind, count in counts.items() if count > 1)
+    return frames, set(frames) - more
 
 
-def _own_kinds(episodes: Sequence[GridEpisode], single: set[int]) -> frozenset[int]:
-    """Return the kinds of the thing that moves most, and those that are only seen where none of these is."""
-    moves, turns = Counter[tuple[int, int]](), Counter[tuple[int, int]]()
-    for before, after in _pairs(episodes):
-        cells = np.argwhere(before != after)
-        for row, column in cells.tolist():
-            a, b = int(before[row, column]), int(after[row, column])
-            if a in single and b in single:
-                turns[a, b] += 1
-            elif b in single:
-                left = [
-                    int(before[r, c]) for r, c in cells.tolist() if before[r, c] in single and after[r, c] not in single
-                ]
-                if len(left) == 1:
-                    moves[left[0], b] += 1
-    parent = {kind: kind for kind in single}
-    for a, b in [*moves, *(pair for pair in turns if pair[::-1] in turns)]:
-        _join(parent, a, b)
-    moved = Counter[int]()
-    for (_, b), count in moves.items():
-        moved[_root(parent, b)] += count
-    if not moved:
-        raise UsageError("nothing moved that the actions could have moved, so there is nothing to plan with")
-    best = moved.most_common(1)[0][0]
-    own = {kind for kind in single if _root(parent, kind) == best}
-    with_it, without = set[int](), set[int]()
-    for episode in episodes:
-        for grid in episode.grids:
-            (with_it if np.isin(grid, list(own)).any() else without).update(np.unique(grid).tolist())
-    return frozenset(own | (without - with_it))
-
-
-def _joined(kinds: set[int], switches: Counter[tuple[int, int]], single: set[int]) -> dict[int, int]:
+def _joined(
+    kinds: set[int], switches: Counter[tuple[int, int]], single: set[int], looks: Appearances
+) -> dict[int, int]:
     """Return kind → the first kind of its concept."""
     parent = {kind: kind for kind in kinds}
+    of_shape: dict[Shape, int] = {}
+    for kind in sorted(kinds):
+        if shape := looks.shape(kind):
+            join(parent, kind, of_shape.setdefault(shape, kind))
     for (a, b), count in switches.items():
         back = switches[b, a]
         alike = a in kinds and b in kinds and (a in single) == (b in single)
         if alike and back and (a in single or count + back >= _FEWEST_SWITCHES):
-            _join(parent, a, b)
-    return {kind: _root(parent, kind) for kind in kinds}
-
-
-def _join(parent: dict[int, int], a: int, b: int) -> None:
-    low, high = sorted((_root(parent, a), _root(parent, b)))
-    parent[high] = low
-
-
-def _root(parent: Mapping[int, int], kind: int) -> int:
-    while parent[kind] != kind:
-        kind = parent[kind]
-    return kind
+            join(parent, a, b)
+    return {kind: root(parent, kind) for kind in kinds}

@@ -4,8 +4,9 @@ import re
 from collections.abc import Mapping, Sequence
 
 from semrl.planning.symbolic.cells import OUTSIDE, GridState
-from semrl.planning.symbolic.operators import Offset, Operator, Operators
+from semrl.planning.symbolic.operators import Operator, Operators
 from semrl.planning.symbolic.search import SymbolicGoal
+from semrl.planning.symbolic.turning import Offset
 
 _NO_PLACE = "nowhere"
 

@@ -49,8 +49,8 @@ class SymbolicPlan:
         return len(self.operators)
 
 
-def search(operators: Operators, start: GridState, goal: SymbolicGoal) -> SymbolicPlan | None:
-    """Return a plan with the fewest operators; None where there is none.
+def search(operators: Operators, start: GridState, goal: SymbolicGoal, most: int = MAX_STATES) -> SymbolicPlan | None:
+    """Return a plan with the fewest operators; None where there is none among so many states.
 
     The distance to the nearest place where the goal could be met, in longest steps, is what is left at least, as long
     as no cell comes to be such a place on the way.
@@ -65,12 +65,14 @@ def search(operators: Operators, start: GridState, goal: SymbolicGoal) -> Symbol
 
     if targets is not None and not targets:
         return None
-    return _best_first(operators, start, goal.reached, left)
+    return _best_first(operators, start, goal.reached, left, most)
 
 
-def nearest(operators: Operators, start: GridState, wanted: Callable[[GridState], bool]) -> SymbolicPlan | None:
-    """Return the shortest plan to a state that is wanted; None where there is none."""
-    return _best_first(operators, start, lambda _operator, _before, state: wanted(state), lambda _state: 0)
+def nearest(
+    operators: Operators, start: GridState, wanted: Callable[[GridState], bool], most: int = MAX_STATES
+) -> SymbolicPlan | None:
+    """Return the shortest plan to a state that is wanted; None where there is none among so many states."""
+    return _best_first(operators, start, lambda _operator, _before, state: wanted(state), lambda _state: 0, most)
 
 
 def follow(operators: Operators, start: GridState, actions: Sequence[Operator]) -> SymbolicPlan:
@@ -116,6 +118,7 @@ def _best_first(
     start: GridState,
     reached: Callable[[Operator | None, GridState | None, GridState], bool],
     left: Callable[[GridState], int],
+    most: int = MAX_STATES,
 ) -> SymbolicPlan | None:
     if reached(None, None, start):
         return SymbolicPlan(operators=(), states=(start,))
@@ -124,7 +127,7 @@ def _best_first(
     steps = {start: 0}
     ends: dict[GridState, tuple[GridState, Operator]] = {}
     waiting: list[tuple[int, int, GridState, bool]] = [(left(start), next(order), start, False)]
-    while waiting and len(steps) < MAX_STATES:
+    while waiting and len(steps) < most:
         _, _, state, done = heapq.heappop(waiting)
         if done:
             before, operator = ends[state]
