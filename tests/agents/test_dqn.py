@@ -57,7 +57,6 @@ def test_learning_rate_and_exploration_fall_through_the_second_half_of_the_budge
     assert rates[6:] == pytest.approx([8.2e-4, 6.4e-4, 4.6e-4, 2.8e-4, 1e-4])
     assert explored == pytest.approx([1.0, *[0.02] * 5, 0.016, 0.012, 0.008, 0.004, 0.0])
     assert agent.learning_rate == pytest.approx(1e-4)  # beyond the budget
-    assert agent.optimiser.param_groups[0]["lr"] == pytest.approx(1e-4)
 
 
 def test_without_a_budget_learning_rate_and_least_exploration_stay():

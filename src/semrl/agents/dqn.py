@@ -1,5 +1,6 @@
 """Deep Q-learning (§3.3; Mnih et al. 2015), with the additions that proved worth it here."""
 
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from semrl.agents.replay import Batch, ReplayBuffer
 from semrl.agents.vector_network import VectorUpdates
 from semrl.core import AgentObservation, Floats, Ints, StateSpace
 from semrl.core.arrays import Arrays, array_to_rng, nest, rng_to_array, unnest
+from semrl.core.beside import Started
 from semrl.core.errors import SemrlError
 from semrl.core.networks import arrays_to_module, arrays_to_optimiser, module_to_arrays, optimiser_to_arrays
 
@@ -57,23 +59,47 @@ class DQN:
         self.device = pick_device(device)
         self.replay = ReplayBuffer(config.replay_capacity, space.shape, space.dtype, plan_size)
         n_values = n_actions * config.heads
-        self.network, self.target = (
+        self._network, self.target = (
             QNetwork(space.shape, n_values, config.network, seed=seed, plan_size=plan_size).to(self.device)
             for _ in range(2)
         )
-        self.optimiser = torch.optim.Adam(
-            self.network.parameters(),
-            lr=config.learning_rate,
-            betas=(config.adam_beta1, config.adam_beta2),
-            eps=config.adam_epsilon,
-            fused=len(space.shape) == 1,  # twice as fast for small networks, slower for convolutions
-        )
         self._compiled = self._new_compiled()
+        self._updating: Started[None] | None = None  # an update that goes on beside play
         self._rng = np.random.default_rng(seed)
         self._head = 0  # which is followed
         self.decisions_ = 0
-        self.updates_ = 0
-        self.loss_ = float("nan")
+        self._updates = 0
+        self._loss = float("nan")
+
+    @property
+    def network(self) -> QNetwork:
+        """The online network, with all that was learned so far."""
+        self._await_update()
+        return self._network
+
+    @property
+    def updates_(self) -> int:
+        """Updates so far."""
+        self._await_update()
+        return self._updates
+
+    @property
+    def loss_(self) -> float:
+        """Loss of the newest of them, NaN before."""
+        self._await_update()
+        return self._loss
+
+    @cached_property
+    def optimiser(self) -> torch.optim.Adam:
+        """What updates in PyTorch are made with."""
+        c = self.config
+        return torch.optim.Adam(
+            self._network.parameters(),
+            lr=c.learning_rate,
+            betas=(c.adam_beta1, c.adam_beta2),
+            eps=c.adam_epsilon,
+            fused=not self._network.state_input.is_image,  # twice as fast for small networks, slower for convolutions
+        )
 
     @property
     def exploration(self) -> float:
@@ -133,10 +159,10 @@ class DQN:
             self._head = int(self._rng.integers(c.heads))
         if self.decisions_ == c.learning_starts and c.network.normalise_input:
             states, plans = (self._tensor(x) for x in self.replay.latest(c.learning_starts))
-            for network in (self.network, self.target):
+            for network in (self._network, self.target):
                 network.state_input.fit(states, plans)
         if self.decisions_ >= c.learning_starts and self.decisions_ % c.train_freq == 0:
-            self.update(self._sample())
+            self._learn()
 
     def end_episode(self, shown: AgentObservation) -> None:
         """Remember the last state of an episode."""
@@ -146,50 +172,74 @@ class DQN:
         """Return exploration, the newest loss and the number of updates."""
         return {"exploration": self.exploration, "loss": self.loss_, "updates": self.updates_}
 
-    def update(self, batch: Batch) -> None:
+    def update(self, batch: Batch, learning_rate: float | None = None) -> None:
         """Take one gradient step on a batch (eq. 2.1 with the squared error clipped to linear beyond 1).
+
+        Parameters
+        ----------
+        batch
+            Of transitions.
+        learning_rate
+            Step size; that of this decision when None.
 
         Raises
         ------
         SemrlError
             When the loss is not a number.
         """
-        for group in self.optimiser.param_groups:
-            group["lr"] = self.learning_rate
+        rate = self.learning_rate if learning_rate is None else learning_rate
         if self._compiled:
-            self.loss_, gradients = self._compiled.loss_and_gradients(batch, self.n_actions)
+            self._loss, gradients = self._compiled.loss_and_gradients(batch, self.n_actions)
             self._check_loss()
-            self._compiled.step(gradients, self.learning_rate)
+            self._compiled.step(gradients, rate)
         else:
-            self._update_in_torch(batch)
-        self.updates_ += 1
-        if self.updates_ % self.config.target_update_interval == 0:
+            self._update_in_torch(batch, rate)
+        self._updates += 1
+        if self._updates % self.config.target_update_interval == 0:
             self._renew_target()
 
-    def _update_in_torch(self, batch: Batch) -> None:
-        values = self._per_head(self.network(self._tensor(batch.states), self._tensor(batch.plans)))
+    def _learn(self) -> None:
+        """Update on a batch drawn now: in compiled code beside play, until somebody asks for what came of it."""
+        batch, rate = self._sample(), self.learning_rate
+        self._await_update()
+        update = partial(self.update, batch, rate)
+        if self._compiled:
+            self._updating = Started(update)
+        else:
+            update()
+
+    def _await_update(self) -> None:
+        """Wait until no update goes on; before that, weights, loss and number of updates are not to be read."""
+        updating, self._updating = self._updating, None
+        if updating:
+            updating.result()
+
+    def _update_in_torch(self, batch: Batch, learning_rate: float) -> None:
+        values = self._per_head(self._network(self._tensor(batch.states), self._tensor(batch.plans)))
         taken = self._of_actions(values, batch.actions)
         loss = functional.smooth_l1_loss(taken, self._targets(batch))
         if self.config.advice_weight:
             loss = loss + self.config.advice_weight * self._advice_missed(values, batch.advised)
-        self.loss_ = float(loss.detach())
+        self._loss = float(loss.detach())
         self._check_loss()
+        for group in self.optimiser.param_groups:
+            group["lr"] = learning_rate
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
         self.optimiser.step()
 
     def _check_loss(self) -> None:
-        if not np.isfinite(self.loss_):
+        if not np.isfinite(self._loss):
             raise SemrlError(
-                f"the loss is {self.loss_} after {self.updates_} updates: learning has diverged; "
+                f"the loss is {self._loss} after {self._updates} updates: learning has diverged; "
                 "try a smaller --dqn.learning-rate"
             )
 
     def _new_compiled(self) -> VectorUpdates | None:
         """Return the same networks in compiled code, where that is faster: for vectors on the CPU."""
-        if self.network.state_input.is_image or self.device.type != "cpu":
+        if self._network.state_input.is_image or self.device.type != "cpu":
             return None
-        return VectorUpdates(self.config, self.network, self.target, self.optimiser)
+        return VectorUpdates(self.config, self._network, self.target)
 
     def to_arrays(self) -> Arrays:
         """Return weights, optimiser, replay, counters and the random generator."""
@@ -197,13 +247,13 @@ class DQN:
             **nest(
                 network=module_to_arrays(self.network),
                 target=module_to_arrays(self.target),
-                optimiser=optimiser_to_arrays(self.optimiser),
+                optimiser=self._compiled.moments_to_arrays() if self._compiled else optimiser_to_arrays(self.optimiser),
                 replay=self.replay.to_arrays(),
             ),
             "rng": rng_to_array(self._rng),
-            "counters": np.array([self.decisions_, self.updates_]),
+            "counters": np.array([self.decisions_, self._updates]),
             "head": np.array(self._head),
-            "loss": np.array(self.loss_),
+            "loss": np.array(self._loss),
         }
 
     def inference_arrays(self) -> Arrays:
@@ -216,13 +266,16 @@ class DQN:
         if "counters" not in arrays:
             return
         arrays_to_module(self.target, unnest(arrays, "target"))
-        arrays_to_optimiser(self.optimiser, unnest(arrays, "optimiser"))
-        self._compiled = self._new_compiled()  # the moments are other memory now
+        moments = unnest(arrays, "optimiser")
+        if self._compiled:
+            self._compiled.moments_from_arrays(moments)
+        else:
+            arrays_to_optimiser(self.optimiser, moments)
         self.replay.from_arrays(unnest(arrays, "replay"))
         self._rng = array_to_rng(arrays["rng"])
-        self.decisions_, self.updates_ = (int(n) for n in arrays["counters"])
+        self.decisions_, self._updates = (int(n) for n in arrays["counters"])
         self._head = int(arrays["head"])
-        self.loss_ = float(arrays["loss"])
+        self._loss = float(arrays["loss"])
 
     def _sample(self) -> Batch:
         c = self.config
@@ -239,7 +292,7 @@ class DQN:
             following = self._tensor(batch.next_states), self._tensor(batch.next_plans)
             next_values = self._per_head(self.target(*following))
             if self.config.double:
-                best = self._per_head(self.network(*following)).argmax(dim=2, keepdim=True)
+                best = self._per_head(self._network(*following)).argmax(dim=2, keepdim=True)
                 value = next_values.gather(2, best)[:, :, 0]
             else:
                 value = next_values.amax(dim=2)
@@ -267,12 +320,13 @@ class DQN:
 
     def _head_values(self, shown: AgentObservation) -> Floats:
         """Return what each head makes of one state, ``(heads, n_actions)``."""
+        self._await_update()
         if self._compiled:
             online = self._compiled.online
             rows = online.inputs(shown.vectors[None], shown.plan[None])
             return online.values(rows).reshape(self.config.heads, self.n_actions)
         with torch.inference_mode():
-            values = self.network(self._tensor(shown.vectors[None]), self._tensor(shown.plan[None]))
+            values = self._network(self._tensor(shown.vectors[None]), self._tensor(shown.plan[None]))
             return np.asarray(self._per_head(values)[0].cpu().numpy(), dtype=np.float32)
 
     def _tensor(self, array: NDArray[Any]) -> Tensor:
@@ -283,5 +337,5 @@ class DQN:
             self._compiled.renew_target()
             return
         with torch.no_grad():
-            for old, new in zip(self.target.parameters(), self.network.parameters(), strict=True):
+            for old, new in zip(self.target.parameters(), self._network.parameters(), strict=True):
                 old.lerp_(new, self.config.tau)

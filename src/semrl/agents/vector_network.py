@@ -1,8 +1,8 @@
 """The Q-network of vectors without the framework: the same weights, in compiled code on the CPU.
 
-Forwards, for one state or a batch, and backwards with Adam. Weights, moments and the constants of the input are the
-memory of PyTorch's tensors, so neither side has to be told what the other did. Results differ from PyTorch's in the
-order of sums alone.
+Forwards, for one state or a batch, and backwards with Adam. Weights and the constants of the input are the memory of
+PyTorch's tensors, so neither side has to be told what the other did. Results differ from PyTorch's in the order of sums
+alone. PyTorch's own Adam is not asked for: to make one takes it seconds.
 """
 
 import math
@@ -19,6 +19,7 @@ from semrl.agents.networks import FourierFeatures, QNetwork
 from semrl.agents.replay import Batch
 from semrl.agents.vector_kernels import activate, adam, loss_and_gradient, move_towards, pass_back, write_inputs
 from semrl.core import Floats, Ints
+from semrl.core.arrays import Arrays, nest, unnest
 
 _UNWARNED = np.errstate(over="ignore", invalid="ignore")  # of a loss that is no number the agent tells
 
@@ -155,18 +156,15 @@ class VectorUpdates:
         See `DQNConfig`.
     network, target
         The online network and the target network, on the CPU; both learn in place.
-    optimiser
-        Holds the moments, which are made here when there are none yet.
     """
 
-    def __init__(
-        self, config: DQNConfig, network: QNetwork, target: QNetwork, optimiser: torch.optim.Optimizer
-    ) -> None:
+    def __init__(self, config: DQNConfig, network: QNetwork, target: QNetwork) -> None:
         self.config = config
         self.online, self.target = VectorNetwork(network), VectorNetwork(target)
-        self._weights, self._targets = ([_flat(p) for p in side.parameters()] for side in (network, target))
-        self._moments = [_moments(optimiser, parameter) for parameter in network.parameters()]
-        self._steps = [optimiser.state[parameter]["step"].numpy() for parameter in network.parameters()]
+        weights, targets = ([_view(p) for p in side.parameters()] for side in (network, target))
+        self._weights, self._targets = ([part.reshape(-1) for part in side] for side in (weights, targets))
+        self._moments = [(np.zeros_like(part), np.zeros_like(part)) for part in weights]
+        self._steps = 0
 
     def loss_and_gradients(self, batch: Batch, n_actions: int) -> tuple[float, list[Floats]]:
         """Return the loss of a batch and its gradients, in the order of the parameters."""
@@ -186,9 +184,8 @@ class VectorUpdates:
     def step(self, gradients: list[Floats], learning_rate: float) -> None:
         """Take one step of Adam."""
         c = self.config
-        for step in self._steps:
-            step[...] += 1  # they are the optimiser's
-        done = int(self._steps[0])
+        self._steps += 1
+        done = self._steps
         rates = np.array(
             [
                 1 - c.adam_beta1, c.adam_beta2, 1 - c.adam_beta2, learning_rate / (1 - c.adam_beta1**done),
@@ -197,7 +194,25 @@ class VectorUpdates:
             np.float32,
         )  # fmt: skip
         for weights, gradient, (mean, square) in zip(self._weights, gradients, self._moments, strict=True):
-            adam(weights, gradient.ravel(), mean, square, rates)
+            adam(weights, gradient.ravel(), mean.reshape(-1), square.reshape(-1), rates)
+
+    def moments_to_arrays(self) -> Arrays:
+        """Return the moments of each parameter, as the arrays of PyTorch's Adam are named; none before a step."""
+        if not self._steps:
+            return {}
+        parts = {
+            str(i): {"step": np.array(self._steps, np.float32), "exp_avg": mean, "exp_avg_sq": square}
+            for i, (mean, square) in enumerate(self._moments)
+        }
+        return nest(**parts)
+
+    def moments_from_arrays(self, arrays: Arrays) -> None:
+        """Take over what `moments_to_arrays` returned."""
+        for i, moments in enumerate(self._moments):
+            saved = unnest(arrays, str(i))
+            for name, moment in zip(("exp_avg", "exp_avg_sq"), moments, strict=True):
+                moment[...] = saved[name] if saved else 0
+        self._steps = int(arrays["0/step"]) if arrays else 0
 
     def renew_target(self) -> None:
         """Move the target network towards the online network."""
@@ -218,19 +233,6 @@ def _layers(dense: nn.Sequential) -> list[_Layer]:
     return layers
 
 
-def _moments(optimiser: torch.optim.Optimizer, parameter: nn.Parameter) -> tuple[Floats, Floats]:
-    """Return views of the moments of a parameter; zeros before the first step."""
-    state = optimiser.state[parameter]
-    if not state:
-        state["step"] = torch.zeros(())
-        state["exp_avg"], state["exp_avg_sq"] = torch.zeros_like(parameter), torch.zeros_like(parameter)
-    return _flat(state["exp_avg"]), _flat(state["exp_avg_sq"])
-
-
 def _view(parameter: torch.Tensor) -> Floats:
     view: Floats = parameter.detach().numpy()
     return view
-
-
-def _flat(parameter: torch.Tensor) -> Floats:
-    return _view(parameter).reshape(-1)  # the same memory: parameters lie in one piece

@@ -3,7 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
-from sklearn.cluster import kmeans_plusplus
 
 from semrl.core import Ints
 
@@ -37,6 +36,8 @@ def k_means(X: Rows, weights: NDArray[np.float64], k: int, *, seed: int = 0, sta
     """
     if len(X) <= k:
         return X.copy()
+    from sklearn.cluster import kmeans_plusplus
+
     found = []
     for start in range(seed, seed + starts):
         first, _ = kmeans_plusplus(X, k, sample_weight=weights, random_state=start)

@@ -58,7 +58,7 @@ def action_sequences(n_actions: int, config: ShortTermConfig, *, number: int = 0
     drawn, kept = _drawn_sequences(n_actions, config)
     turn = slice(number % _POOL * config.scenarios, (number % _POOL + 1) * config.scenarios)
     if proposed is None or not len(proposed):
-        return drawn[turn]
+        return drawn[turn].copy()  # what may not be written to would be another type to compiled code
     plan = np.append(proposed, np.full(max(config.depth - len(proposed), 0), proposed[-1]))[: config.depth]
     sequences: Ints = np.where(np.arange(config.depth) < kept[turn, None], plan, drawn[turn])
     return sequences

@@ -1,16 +1,18 @@
 """Predicting the sign of a reward (§3.4.3): the thesis's support vector machines, or a small network."""
 
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.linear_model import SGDClassifier
 from torch.nn import functional
 
 from semrl.core import Floats, Ints, Transitions
 from semrl.core.arrays import Arrays
 from semrl.world_model.config import RewardConfig
 from semrl.world_model.network import DenseNetwork, NetworkModel, features
+
+if TYPE_CHECKING:
+    from sklearn.linear_model import SGDClassifier
 
 SIGNS: Ints = np.array([-1, 0, 1])
 
@@ -83,7 +85,9 @@ class RewardSVM:
             self._svm.coef_, self._svm.intercept_ = arrays["planes"].copy(), arrays["offsets"].copy()
             self._svm.t_ = float(arrays["steps"])
 
-    def _new(self) -> SGDClassifier:
+    def _new(self) -> "SGDClassifier":
+        from sklearn.linear_model import SGDClassifier
+
         return SGDClassifier(
             loss="hinge", alpha=self.config.svm_lambda, learning_rate="optimal", random_state=self.seed
         )

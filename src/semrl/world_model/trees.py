@@ -7,6 +7,7 @@ there was much play; where they do not, a plan should not trust one of them.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Self
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from semrl.core import Floats, Ints
 from semrl.core.arrays import Arrays, nest, unnest
+from semrl.core.beside import Started
 from semrl.world_model.cart import bins_of, grow_tree
 from semrl.world_model.tree_kernels import NODE, Relations, ask, roll
 
@@ -70,10 +72,12 @@ class Forests:
         columns = [np.ascontiguousarray(column, np.float64) for column in targets.T]
         for i in range(self.members) if member is None else (member,):
             drawn = rng.integers(len(rows), size=len(rows)) if self.members > 1 else np.arange(len(rows))
-            trees = zip(sights, columns, leaf_rows, strict=True)
-            self._grown[i] = _Forest.joined(
-                [grow_tree(part, cuts, column, drawn, leaf) for part, column, leaf in trees]
-            )
+            trees = [
+                Started(partial(grow_tree, part, cuts, column, drawn, leaf))
+                for part, column, leaf in zip(sights, columns, leaf_rows, strict=True)
+            ]
+            last_first = [tree.result() for tree in reversed(trees)]  # from the end on, what has not begun
+            self._grown[i] = _Forest.joined(last_first[::-1])
         self._pack()
         return self
 
@@ -123,7 +127,13 @@ class Forests:
             expected beyond. After its first reward a scenario stands still and is worth no more: what follows is
             another rally, of which little is known.
         """
-        return roll((self._packed, self._roots[members]), inertia, states, actions, sequences, relations)
+        roots, rest = self._roots[members], (inertia, states, actions, sequences, relations)
+        if len(roots) < 2:
+            return roll((self._packed, roots), *rest)
+        others = Started(partial(roll, (self._packed, roots[len(roots) // 2 :]), *rest))
+        predicted, rewards, values = roll((self._packed, roots[: len(roots) // 2]), *rest)
+        _, more_rewards, more_values = others.result()
+        return predicted, np.concatenate([rewards, more_rewards]), np.concatenate([values, more_values])
 
     def to_arrays(self) -> Arrays:
         """Return the trees."""

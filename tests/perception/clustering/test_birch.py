@@ -116,7 +116,7 @@ def test_the_global_step_waits_for_a_change_of_leaves(monkeypatch):
     X, _ = kinds_of_objects(12)
     birch = Birch().partial_fit(X)
     calls = []
-    monkeypatch.setattr("semrl.perception.clustering.birch.linkage", lambda *given: calls.append(given))
+    monkeypatch.setattr("scipy.cluster.hierarchy.linkage", lambda *given: calls.append(given))
     for _ in range(3):
         birch.partial_fit(X[:50])
         birch.predict(X)

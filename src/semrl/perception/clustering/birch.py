@@ -5,7 +5,6 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.cluster.hierarchy import linkage
 from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -159,6 +158,8 @@ def ward_clusters(means: NDArray[np.float64], most: int) -> Ints:
     n = len(means)
     if n <= most:
         return np.arange(n, dtype=np.int64)
+    from scipy.cluster.hierarchy import linkage
+
     merges = linkage(means, "ward")[: n - most, :2].astype(np.int64)  # the cheapest come first
     joined = np.repeat(np.arange(n, n + len(merges)), 2)  # merge k makes cluster n + k
     edges = coo_array((np.ones(len(joined)), (merges.ravel(), joined)), shape=(2 * n, 2 * n))

@@ -1,11 +1,10 @@
 """A support vector machine that learns the classes of another clusterer, and then tells kinds apart by itself (§1)."""
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.linear_model import SGDClassifier
 
 from semrl.core import Ints
 from semrl.core.arrays import Arrays, nest, unnest
@@ -14,6 +13,9 @@ from semrl.core.kernels import compiled
 from semrl.perception.clustering.birch import Birch
 from semrl.perception.clustering.protocol import Clusterer
 from semrl.perception.clustering.rows import checked_rows
+
+if TYPE_CHECKING:
+    from sklearn.linear_model import SGDClassifier
 
 _SAVED = ("planes", "offsets", "steps", "frequencies", "phases")
 
@@ -158,7 +160,9 @@ class SVMClassifier:
         self._svm, self._frequencies, self._phases = svm, frequencies, phases.ravel()
         self.revision = object()
 
-    def _new(self) -> SGDClassifier:
+    def _new(self) -> "SGDClassifier":
+        from sklearn.linear_model import SGDClassifier
+
         return SGDClassifier(
             loss="hinge",
             alpha=self.config.penalty,

@@ -1,11 +1,11 @@
 """Incremental principal component analysis of objects (§3.2.2)."""
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.decomposition import IncrementalPCA
 
 from semrl.core import Floats
 from semrl.core.arrays import Arrays
@@ -48,7 +48,7 @@ class ObjectPCA:
         self.config = config or PCAConfig()
         self.n_updates_ = 0
         self.revision = object()
-        self._pca = IncrementalPCA(n_components=self.config.components)
+        self._pca: Any = SimpleNamespace()  # what was learned, and with what, once something is
         self._waiting: NDArray[np.float64] | None = None
 
     @property
@@ -74,7 +74,7 @@ class ObjectPCA:
         self._waiting = rows if self._waiting is None else np.concatenate([self._waiting, rows])
         if len(self._waiting) >= self.config.components:
             with np.errstate(invalid="ignore"):  # of objects that are all alike no component explains any share
-                self._pca.partial_fit(self._waiting)
+                self._pca = self._learning().partial_fit(self._waiting)
             # Memory order decides the last bit of a product: keep the one that a restored estimator has.
             self._pca.components_ = np.ascontiguousarray(self._pca.components_)
             self._waiting = None
@@ -105,13 +105,20 @@ class ObjectPCA:
         self.n_updates_ = int(arrays["n_updates"])
         self.revision = object()
         self._waiting = arrays.get("waiting")
-        self._pca = IncrementalPCA(n_components=self.config.components)
-        for name in _LEARNED if self.is_fitted else ():
-            value = arrays[name]
-            setattr(self._pca, name, value[()] if value.ndim == 0 else value)
+        learned = {name: arrays[name] for name in (_LEARNED if self.is_fitted else ())}
+        self._pca = SimpleNamespace(**{name: x[()] if x.ndim == 0 else x for name, x in learned.items()})
+
+    def _learning(self) -> Any:
+        """Return scikit-learn's estimator with what was learned so far; who only transforms need not wait for it."""
+        from sklearn.decomposition import IncrementalPCA
+
+        if isinstance(self._pca, IncrementalPCA):
+            return self._pca
+        pca = IncrementalPCA(n_components=self.config.components)
+        vars(pca).update(vars(self._pca))
         if self.is_fitted:
-            self._pca.n_components_ = self.config.components
-            self._pca.batch_size_ = None
+            pca.n_components_, pca.batch_size_ = self.config.components, None
+        return pca
 
     def _check_rows(self, X: NDArray[Any]) -> None:
         if X.ndim != 2 or not np.isfinite(X).all():
