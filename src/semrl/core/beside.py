@@ -38,7 +38,7 @@ def processors() -> int:
 
 
 _workers: dict[int, ThreadPoolExecutor] = {}
-"""The one thread beside the caller's, of each process: a forked one must not wait for a thread that it does not have."""
+"""Process → the one thread beside the caller's: a forked process has none of its parent's."""
 
 
 def _worker() -> ThreadPoolExecutor | None:
