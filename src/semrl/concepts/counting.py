@@ -76,7 +76,7 @@ def count(things: Floats, ends: Ints, counts: Counts) -> None:
     count_touches(things, labels, ends, counts.touches)
     n = len(counts.seen)
     before, now = np.zeros(n, np.int64), np.zeros(n, np.int64)
-    old_begin, begin = np.int64(0), np.int64(0)  # typed, or what is called is compiled for each literal
+    old_begin, begin = int(np.int64(0)), int(np.int64(0))  # typed, or what is called is compiled for each literal
     for t in range(len(ends)):
         end = ends[t]
         now[:] = 0

@@ -54,7 +54,7 @@ def begin_tally(mine: Ints, sample: Sample, pool: Pool) -> int:
     tally = free.pop()
     counts[tally] = 0
     sums[tally] = 0.0
-    _add(np.int64(1), mine, sample, (counts[tally], sums[tally]))
+    _add(int(np.int64(1)), mine, sample, (counts[tally], sums[tally]))
     return tally
 
 
@@ -79,7 +79,7 @@ def pass_on(tally: int, fewer: Ints, n_rows: int, sample: Sample, pool: Pool) ->
     counts, sums, _ = pool
     smaller = begin_tally(fewer, sample, pool)
     if smaller == NONE:
-        _add(np.int64(-1), fewer, sample, (counts[tally], sums[tally]))
+        _add(int(np.int64(-1)), fewer, sample, (counts[tally], sums[tally]))
     else:
         counts[tally] -= counts[smaller]
         sums[tally] -= sums[smaller]
@@ -91,7 +91,7 @@ def best_cut(mine: Ints, tally: int, sample: Sample, pool: Pool, leaf_rows: int)
     """Return the column and the bin after which to cut for the smallest squared error; −1 where no cut helps."""
     places, begins, weighted, times = sample
     mine_weighted, mine_times = weighted[mine], times[mine]  # side by side in memory, as they are read
-    n, total = np.int64(0), 0.0  # typed, or what is called is compiled for the literal as well
+    n, total = int(np.int64(0)), 0.0  # typed, or what is called is compiled for the literal as well
     for i in range(len(mine)):
         n += mine_times[i]
         total += mine_weighted[i]

@@ -123,7 +123,7 @@ def _roll_lanes(  # noqa: PLR0917 - compiled functions take no keywords
     window, before = _repeated(states, n * members), _repeated(actions, n * members)
     rows = np.empty((width(dimension, len(states), len(actions), relations), n * members), np.float32)
     changes, going = np.empty((dimension + 1, n * members), np.float32), np.ones(n * members, np.bool_)
-    begun = np.int64(1)  # as a mere 1 it would be another type to the function below, compiled for each
+    begun = int(np.int64(1))  # as a mere 1 it would be another type to the function below, compiled for each
     for t in range(length):
         begun = _begin((begun, t), (begins, origins), window, before, going, members)
         known, active = rows[:, : begun * members], np.flatnonzero(going[: begun * members])
