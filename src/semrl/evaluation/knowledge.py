@@ -10,6 +10,7 @@ from semrl.core.files import locked
 from semrl.evaluation.player import load_player
 from semrl.evaluation.words import words_of_run
 from semrl.knowledge.edits import LOG, Edit, Edited, edited, read_log, standing, write_log
+from semrl.knowledge.hermit import require_possible_to_hermit
 from semrl.knowledge.ontology import Ontology, Role, known
 from semrl.knowledge.writing import write_condition
 from semrl.training.folder import RunFolder
@@ -86,12 +87,17 @@ def load_knowledge(run: str | Path) -> RunKnowledge:
 def edit_knowledge(run: str | Path, edit: Edit) -> RunKnowledge:
     """Add an edit to the log of a run, when what is known then is consistent; return what is known.
 
+    HermiT is asked as well, where the extra ``dl`` and Java are here.
+
     Raises
     ------
     UsageError
         When the edit is refused, with the reason, or another process edits the run; the log is as it was.
     """
     before = load_knowledge(run)
+    if edit.do in ("add", "assert"):
+        after = edited(before.learned, (*before.edits, edit)).words
+        require_possible_to_hermit(before.now.words, after, f"'{edit.name}'")
     edits, now = log_edit(run, before.learned, edit)
     return replace(before, edits=edits, now=now)
 

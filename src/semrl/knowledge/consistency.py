@@ -55,7 +55,7 @@ def contradiction(expression: Expression, words: Ontology, sort: Sort = "scene")
         shrinking = smaller is not None
         expression = smaller or expression
     least = _least_axioms(expression, least, sort)
-    return Contradiction(expression=expression, axioms=tuple(_told(least)))
+    return Contradiction(expression=expression, axioms=tuple(told_axioms(least)))
 
 
 def require_possible(expression: Expression, words: Ontology, what: str, sort: Sort = "scene") -> None:
@@ -215,13 +215,13 @@ def _named(filler: Expression) -> list[str]:
 
 def _least_axioms(expression: Expression, words: Ontology, sort: Sort) -> Ontology:
     """Return the words without all axioms that the contradiction does not need."""
-    for fewer in _fewer(words):
-        if not satisfiable(expression, replace(words, **fewer), sort):
-            return _least_axioms(expression, replace(words, **fewer), sort)
+    for left_out in fewer(words):
+        if not satisfiable(expression, replace(words, **left_out), sort):
+            return _least_axioms(expression, replace(words, **left_out), sort)
     return words
 
 
-def _fewer(words: Ontology) -> Iterator[dict[str, Any]]:
+def fewer(words: Ontology) -> Iterator[dict[str, Any]]:
     """Yield the fields of ontologies that say one thing less."""
     for name in ("ranges", "limits"):
         for key in getattr(words, name):
@@ -235,7 +235,8 @@ def _fewer(words: Ontology) -> Iterator[dict[str, Any]]:
         yield {"parents": tuple(one for one in words.parents if one != pair)}
 
 
-def _told(words: Ontology) -> Iterator[str]:
+def told_axioms(words: Ontology) -> Iterator[str]:
+    """Yield what is said of classes, in words."""
     for (concept, number), (low, high) in words.ranges.items():
         yield f"{concept}.{number} lies in {low:.4g} … {high:.4g}"
     for concept, most in words.limits.items():
