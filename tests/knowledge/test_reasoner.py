@@ -12,6 +12,7 @@ from semrl.knowledge.condition import read_condition
 from semrl.knowledge.consistency import satisfiable
 from semrl.knowledge.ontology import Definition
 from semrl.knowledge.owl import node, to_triples
+from semrl.knowledge.scene_classes import CHANCE, DANGER, SceneClassesConfig, learn_scene_classes
 
 owlready2 = pytest.importorskip("owlready2", reason="needs the extra 'dl'")
 pytestmark = pytest.mark.skipif(shutil.which("java") is None, reason="needs Java, for HermiT")
@@ -101,16 +102,29 @@ def test_classes_of_a_scene_are_those_that_hermit_finds(tmp_path):
     check(100, tmp_path)
 
 
-def check(seed, tmp_path):
+def test_classes_learned_from_play_are_those_that_hermit_finds(tmp_path):
+    words = WORDS.having(Law=Definition(expression=read_condition("some(contains, ball and y > 30)", WORDS)))
+    play = scenes(5, count=400, things=2)
+    entail(play, role_axioms(words))
+    bad = Classifier(words).of_scenes(play, ["Law"])[:, 0]
+    rewards = [np.array([-1 if one else 1], np.float32) for one in bad]
+    learned = learn_scene_classes(WORDS, play, rewards, SceneClassesConfig(within_decisions=1))
+    assert set(learned) == {DANGER, CHANCE}
+    for place in (bad.argmax(), bad.argmin()):
+        check(5, tmp_path, WORDS.having(**learned), int(place), count=400, things=2)
+
+
+def check(seed, tmp_path, words=None, place=0, **drawn):
+    """Compare the classes of a scene, of those that a seed draws, with what HermiT finds."""
     from semrl.knowledge.owl import _Triples
 
-    words = named_words()
-    scene = scenes(seed, things=3)
+    words = words or named_words()
+    scene = scenes(seed, **(drawn or {"things": 3}))
     entail(scene, role_axioms(words))
     names = list(words.definitions)
-    held = Classifier(words).of_scenes(scene, names)[0]
+    held = Classifier(words).of_scenes(scene, names)[place]
     told = _Triples(BASE, found=list(to_triples(words, BASE)), blanks=10_000)
-    abox(words, scene, 0, told)
+    abox(words, scene, place, told)
     world = reason(told.found, tmp_path)
     found = {one.name for one in world[f"{BASE}i0"].INDIRECT_is_a if hasattr(one, "name")}
     assert [name in found for name in names] == held.tolist()
