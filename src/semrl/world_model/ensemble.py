@@ -55,22 +55,18 @@ def imagine_all(roll: Roll, sequences: Ints, *, members: int, screening: int, di
     return Imagined(sequences, predicted, *_averaged(rewards, values, _returns(rewards, values, discount)))
 
 
-@compiled
 def _best(returns: NDArray[np.float64], count: int) -> Ints:
-    """Return the scenarios of which ``(members, s)`` returns are best on average, ascending; of equal ones the first.
-
-    Sums here and in `_averaged` are taken member by member, as numpy does.
-    """
-    means = np.zeros(returns.shape[1])
-    for member in range(len(returns)):
-        means -= returns[member]
-    best: Ints = np.sort(np.argsort(means / len(returns), kind="mergesort")[:count])
+    """Return the scenarios of which ``(members, s)`` returns are best on average, ascending; of equal ones the first."""
+    best: Ints = np.sort(np.argsort(-returns.mean(axis=0), kind="stable")[:count])
     return best
 
 
 @compiled
 def _averaged(rewards: Floats, values: Floats, returns: NDArray[np.float64]) -> tuple[Floats, Floats, Floats]:
-    """Return mean rewards, ``(s, t)``, mean values, ``(s,)``, and the standard deviation of the returns, ``(s,)``."""
+    """Return mean rewards, ``(s, t)``, mean values, ``(s,)``, and the standard deviation of the returns, ``(s,)``.
+
+    Sums are taken member by member, as numpy does.
+    """
     members, n, length = rewards.shape
     mean_rewards, mean_values = np.zeros((n, length), np.float32), np.zeros(n, np.float32)
     means, squares = np.zeros(n), np.zeros(n)

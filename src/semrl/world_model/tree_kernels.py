@@ -37,7 +37,10 @@ def lay_out(states: Floats, actions: Ints, chosen: Ints, relations: Relations) -
     """
     n, past, dimension = states.shape
     rows = np.empty((width(dimension, past, actions.shape[1], relations), n), np.float32)
-    _lay_out(states.transpose(1, 2, 0), actions.T, chosen, rows, relations)
+    lanes, before = np.empty((past, dimension, n), np.float32), np.empty((actions.shape[1], n), np.float32)
+    for row in range(n):
+        lanes[:, :, row], before[:, row] = states[row], actions[row]
+    _lay_out(lanes, before, chosen.astype(np.float32), rows[:, :n], relations)
     return rows.T
 
 
@@ -63,8 +66,7 @@ def roll(  # noqa: PLR0917 - compiled functions take no keywords
     members, dimension = trees[1].shape[0], trees[1].shape[1] - 2
     n, length = sequences.shape
     begins, origins = branches(sequences)
-    order = np.argsort(begins, kind="mergesort")  # those that have begun come first
-    place_of = np.argsort(order)
+    order, place_of = _by_time(begins, length)
     begins, origins = begins[order], place_of[origins[order]]
     chosen = np.full((length + 1, n * members), NO_ACTION, np.float32)
     for s in range(n):
@@ -80,6 +82,19 @@ def roll(  # noqa: PLR0917 - compiled functions take no keywords
         if begin == length:
             values[:, s] = values[:, origin]
     return predicted[place_of], rewards[:, place_of], values[:, place_of]
+
+
+@compiled
+def _by_time(begins: Ints, length: int) -> tuple[Ints, Ints]:
+    """Return the order in which sequences begin, of equal ones the first first, and each one's place in it."""
+    order, place_of = np.empty(len(begins), np.int64), np.empty(len(begins), np.int64)
+    place = 0
+    for t in range(length + 1):
+        for s in range(len(begins)):
+            if begins[s] == t:
+                order[place], place_of[s] = s, place
+                place += 1
+    return order, place_of
 
 
 @compiled
