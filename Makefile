@@ -1,6 +1,7 @@
 # Everything runs in .venv; `make` alone says what there is.
 PYTHON ?= python3
 BIN := .venv/bin
+PIP = $(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt
 RUN ?= runs/demo
 DECISIONS ?= 50000
 export OMP_NUM_THREADS ?= 1
@@ -13,12 +14,22 @@ help:  ## say what there is
 
 install: .venv/.installed  ## make .venv with everything in it
 
-.venv/.installed: pyproject.toml constraints.txt
-	test -d .venv || $(PYTHON) -m venv .venv
-	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,docs,thesis,sb3,tensorboard,watch,optuna,minari]'
+.venv/.installed: .venv/.plays
+	$(PIP) -e '.[dev,docs,thesis,sb3,tensorboard,watch,optuna,minari]'
 	touch $@
 
-demo: install  ## train on Pong for a few minutes, evaluate, write a report
+# What training, evaluation, report and live page need; modules are compiled when they are first imported.
+.venv/.plays: pyproject.toml constraints.txt
+	test -d .venv || $(PYTHON) -m venv .venv
+	$(PIP) --no-compile -e '.[watch]'
+	touch $@
+
+# While the first core compiles and learns perception, the second compiles what plans are made with.
+COMPILE_PLANNING := $(BIN)/semrl train --run .venv/compiling --model ram-map --decisions 700 --dqn.learning-starts 400 \
+	--planning.trees.first-decisions 300
+
+demo: .venv/.plays  ## train on Pong for a few minutes, evaluate, write a report
+	@test -e .venv/compiling || $(COMPILE_PLANNING) >/dev/null 2>&1 &
 	@$(BIN)/semrl train --run $(RUN) $(if $(wildcard $(RUN)),--resume,--decisions $(DECISIONS))
 	@$(BIN)/semrl eval $(RUN) --episodes 5 --video $(RUN)/video.mp4
 	@$(BIN)/semrl report $(RUN)

@@ -56,7 +56,7 @@ def imagine_all(roll: Roll, sequences: Ints, *, members: int, screening: int, di
 
 
 def _best(returns: NDArray[np.float64], count: int) -> Ints:
-    """Return the scenarios of which ``(members, s)`` returns are best on average, ascending; of equal ones the first."""
+    """Return which scenarios have the best mean of ``(members, s)`` returns, ascending; of equal ones the first."""
     best: Ints = np.sort(np.argsort(-returns.mean(axis=0), kind="stable")[:count])
     return best
 
