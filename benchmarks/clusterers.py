@@ -68,7 +68,7 @@ def main(arguments: Arguments) -> None:
         play = random_play(config, arguments.seed + PLAY_SEED)
         learned = [to_grey(each.frame) for each in islice(play, arguments.decisions)]
         new = [to_grey(each.frame) for each in new_run(config, arguments.test_decisions)]
-        told = {
+        result = {
             "env": arguments.env,
             "preset": arguments.preset,
             "seed": arguments.seed,
@@ -79,9 +79,9 @@ def main(arguments: Arguments) -> None:
             "machine": machine.describe(),
         }
     if arguments.json:
-        print(json.dumps(told))
+        print(json.dumps(result))
     else:
-        show(told)
+        show(result)
 
 
 def compare_clusterers(
@@ -149,28 +149,29 @@ def compare_detectors(schooled: Schooled, learned: list[Image], new: list[Image]
     return found
 
 
-def show(told: dict[str, Any]) -> None:
+def show(result: dict[str, Any]) -> None:
     """Print the two tables."""
     console = Console()
     for heading, what in (("clusterer", "clusterers"), ("a frame", "detectors")):
-        rows = told[what]
+        rows = result[what]
         names = list(next(iter(rows.values())))
         table = Table(heading, *(name.replace("_", "\n") for name in names), box=None, padding=(0, 1, 0, 0))
         for name, row in rows.items():
             table.add_row(name, *(f"{row[key]:.3f}" if isinstance(row[key], float) else str(row[key]) for key in names))
         console.print(table)
-    agreement = told["svm_agreement"]
+    agreement = result["svm_agreement"]
     console.print(
         f"the SVM agrees with its teacher on {agreement['all']:.4f} of the objects, "
         f"{agreement['mean_over_classes']:.4f} as a mean over classes",
         highlight=False,
     )
     console.print(
-        f"{told['env']}, preset {told['preset']}, seed {told['seed']}: learned from {told['decisions']:,} decisions, "
-        f"tested on {told['test_decisions']:,}",
+        f"{result['env']}, preset {result['preset']}, seed {result['seed']}: "
+        f"learned from {result['decisions']:,} decisions, "
+        f"tested on {result['test_decisions']:,}",
         highlight=False,
     )
-    console.print(machine.sentence(told["machine"]), highlight=False)
+    console.print(machine.sentence(result["machine"]), highlight=False)
 
 
 if __name__ == "__main__":

@@ -127,9 +127,9 @@ def compete(view: View, match: Match, kept: Path) -> dict[str, float]:
         return np.asarray(returns)
 
     plain, sticky = test(0.0), test(match.sticky_actions)
-    told = {"mean": float(plain.mean()), "std": deviation(plain), "sticky": float(sticky.mean()), "minutes": minutes}
-    write_text(kept, dumps(told, indent=2) + "\n")
-    return told
+    result = {"mean": float(plain.mean()), "std": deviation(plain), "sticky": float(sticky.mean()), "minutes": minutes}
+    write_text(kept, dumps(result, indent=2) + "\n")
+    return result
 
 
 def result_name(view: View, match: Match) -> str:
@@ -139,8 +139,8 @@ def result_name(view: View, match: Match) -> str:
 
 def _read(path: Path) -> dict[str, float]:
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
-        return {name: float(told[name]) for name in NUMBERS}
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        return {name: float(stored[name]) for name in NUMBERS}
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise SemrlError(f"{path} is damaged: {error!r}; delete it to play again") from None
 

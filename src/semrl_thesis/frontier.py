@@ -115,8 +115,8 @@ def _rivals(views: Sequence[View], match: Match, context: Context) -> dict[str, 
     values: dict[str, float] = {}
     for view in views:
         context.say(f"Stable-Baselines3's DQN, {view}")
-        told = compete(view, match, context.kept(result_name(view, match)))
-        values |= {f"frontier/sb3-{view}/{what}": number for what, number in told.items()}
+        scores = compete(view, match, context.kept(result_name(view, match)))
+        values |= {f"frontier/sb3-{view}/{what}": number for what, number in scores.items()}
     return values
 
 

@@ -60,8 +60,8 @@ def predict_run(world: WorldModel, run: Trajectory) -> tuple[Floats, Ints]:
     for t in range(len(run)):
         start = max(0, t + 1 - MEMORY_DECISIONS)
         history = History(states=run.states[start : t + 1][::-1], actions=run.actions[start:t][::-1], number=t)
-        told = world.imagine(history, run.actions[None, t : t + 1])
-        states[t], rewards[t] = told.states[0, 0], np.rint(told.rewards[0, 0])
+        imagined = world.imagine(history, run.actions[None, t : t + 1])
+        states[t], rewards[t] = imagined.states[0, 0], np.rint(imagined.rewards[0, 0])
     return states, rewards
 
 

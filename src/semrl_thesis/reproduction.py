@@ -109,7 +109,7 @@ def reproduce(
     make_folder(out)
     shipped = (SHIPPED,) if scale == SHIPPED_SCALE and not order.afresh else ()
     context = Context(scale=scale, folder=out, ledger=read_ledger((out, *shipped)), shipped=shipped, say=say)
-    _tell_known(context, specs)
+    _report_known(context, specs)
     with limited_threads(1):
         for experiment in chosen:
             if not experiment.runs:
@@ -126,7 +126,7 @@ def reproduce(
     return Reproduction(sections=sections, rows=rows, failures=failures)
 
 
-def _tell_known(context: Context, specs: Sequence[RunSpec]) -> None:
+def _report_known(context: Context, specs: Sequence[RunSpec]) -> None:
     """Say how many runs need not be trained because they were before, on another machine."""
     own = read_ledger((context.folder,))
     known = [spec for spec in specs if context.ledger.is_done(spec) and not own.is_done(spec)]

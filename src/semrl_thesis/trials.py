@@ -46,8 +46,8 @@ def outcome_of(trial: Trial, run: Path, *, id_: str, decisions: int) -> Outcome:
     """
     path = trial.path(run)
     try:
-        told: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        numbers = {name: told[name] for name in ("episodes", "mean", "max", "min", "std")}
-        return Outcome(id=id_, decisions=decisions, trial=trial.name, different=len(set(told["lengths"])), **numbers)
+        stored: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        numbers = {name: stored[name] for name in ("episodes", "mean", "max", "min", "std")}
+        return Outcome(id=id_, decisions=decisions, trial=trial.name, different=len(set(stored["lengths"])), **numbers)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise damaged(path, error) from None

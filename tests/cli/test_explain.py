@@ -9,7 +9,7 @@ import semrl.cli.explain as command
 from semrl.evaluation import evaluate, load_player
 from semrl.evaluation.explaining import explain
 from semrl.evaluation.rules import unit_of
-from semrl.report import telling
+from semrl.report import phrases
 
 KEYS = {
     "run", "model", "env", "trained_decisions", "policy", "seed", "episode", "step", "exploration", "return_so_far",
@@ -51,10 +51,10 @@ def test_people_are_told(call, map_run, monkeypatch):
     told = next(e for e in (explain(map_run, episode=2, step=k, seed=5) for k in range(45)) if e.path)
     result = call("explain", map_run, "--episode", 2, "--step", told.step, "--seed", 5)
     assert result.status == 0 and "written" not in result.out
-    for said in (telling.seen, telling.place, telling.way, telling.otherwise, telling.choice, telling.rollout):
+    for said in (phrases.seen, phrases.place, phrases.way, phrases.otherwise, phrases.choice, phrases.rollout):
         assert said(told) in result.out
     for scenario in told.scenarios:
-        assert telling.compact(scenario.actions) in result.out
+        assert phrases.compact(scenario.actions) in result.out
     assert told.reason in result.out and f"Why {told.choice.action}?" in result.out
 
 

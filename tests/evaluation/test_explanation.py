@@ -15,7 +15,7 @@ from semrl.evaluation import load_player
 from semrl.evaluation.explaining import explain
 from semrl.evaluation.scores import EVALUATION_SEED
 from semrl.evaluation.sight import look
-from semrl.report.telling import otherwise, place
+from semrl.report.phrases import otherwise, place
 from semrl.training import RunFolder, train
 from semrl.training.config import write_toml
 

@@ -8,7 +8,7 @@ from pages import Wellformed
 from semrl.core.errors import UsageError
 from semrl.evaluation.explaining import explain
 from semrl.evaluation.explanation import PathEdge
-from semrl.report import telling
+from semrl.report import phrases
 from semrl.report.explanation import render_explanation, write_explanation
 
 
@@ -41,12 +41,12 @@ def test_everything_is_on_the_page(told, tmp_path):
     text = write_explanation(told, tmp_path / "why.html").read_text()
     page = Wellformed(text)
     said = words(page)
-    assert f"Why {told.choice.action}?" in said and told.reason in said and telling.shown_scenarios(told) in said
-    assert telling.otherwise(told) in said
+    assert f"Why {told.choice.action}?" in said and told.reason in said and phrases.shown_scenarios(told) in said
+    assert phrases.otherwise(told) in said
     for scenario in told.scenarios:
-        assert f'aria-label="{telling.compact(scenario.actions)}: {telling.rewards(scenario.rewards)}"' in text
-        assert telling.ending(told, scenario) in said
-    assert telling.place(told) in said and telling.rollout(told) in said
+        assert f'aria-label="{phrases.compact(scenario.actions)}: {phrases.rewards(scenario.rewards)}"' in text
+        assert phrases.ending(told, scenario) in said
+    assert phrases.place(told) in said and phrases.rollout(told) in said
     assert text.count('<rect x="') == len(told.sight.boxes_px) > 0
     assert page.headings[0] == 1 and page.headings.count(1) == 1 and page.unlabelled == []
     assert len(page.ids) == len(set(page.ids))
@@ -55,7 +55,7 @@ def test_everything_is_on_the_page(told, tmp_path):
 def test_of_many_other_actions_the_best_are_told(told):
     (other,) = told.otherwise
     many = tuple(replace(other, actions=(f"A{i}",), rewards=(0.0,), predicted_return=float(i)) for i in range(5))
-    said = telling.otherwise(replace(told, otherwise=many))
+    said = phrases.otherwise(replace(told, otherwise=many))
     assert said.startswith("A4 now brings +4 at best, no reward; A3") and "A2" in said and "A1" not in said
     assert said.endswith("none of the other 2 brings more.")
 
@@ -84,14 +84,14 @@ def test_names_are_no_markup(told):
 @pytest.mark.parametrize(("n", "omitted"), [(1, 0), (2, 0), (9, 0), (10, 2), (60, 52)])
 def test_a_path_is_drawn_from_here_to_the_gain(told, n, omitted):
     e = replace(told, path=a_path(n))
-    first, left_out, last = telling.shortened(e.path)
+    first, left_out, last = phrases.shortened(e.path)
     assert left_out == omitted and len(first) + omitted + len(last) == n
     text = render_explanation(e)
     said = words(Wellformed(text))
     assert text.count('class="hop"') == n - omitted and text.count('class="node here') == 1
     assert text.count(' goal"><b>') == 1 and f"node {100 + n}" in said
     assert (f"… {omitted} steps …" in said) == bool(omitted)
-    assert telling.way(e).startswith("100 ─LEFT→ ") and telling.way(e).endswith(f"{100 + n} (+1)")
+    assert phrases.way(e).startswith("100 ─LEFT→ ") and phrases.way(e).endswith(f"{100 + n} (+1)")
     assert all(f"<td>{hop.source}</td>" in text for hop in e.path)
 
 
@@ -127,14 +127,14 @@ def test_a_page_that_cannot_be_written(told, tmp_path):
     ],
 )
 def test_rewards_in_words(values, said):
-    assert telling.rewards(values) == said
+    assert phrases.rewards(values) == said
 
 
 def test_actions_in_short():
-    assert telling.compact(["UP", "UP", "UP", "DOWN", "UP"]) == "UP ×3, DOWN, UP"
-    assert telling.compact(["UP", "DOWN"] * 2) == "(UP, DOWN) ×2" and telling.compact(["UP", "DOWN"]) == "UP, DOWN"
-    assert telling.compact(["LEFT", *["UP", "DOWN"] * 3, "UP", "UP"]) == "LEFT, (UP, DOWN) ×3, UP ×2"
-    assert telling.compact(["UP", "UP", "DOWN", "DOWN"] * 2) == "UP ×2, DOWN ×2, UP ×2, DOWN ×2"
+    assert phrases.compact(["UP", "UP", "UP", "DOWN", "UP"]) == "UP ×3, DOWN, UP"
+    assert phrases.compact(["UP", "DOWN"] * 2) == "(UP, DOWN) ×2" and phrases.compact(["UP", "DOWN"]) == "UP, DOWN"
+    assert phrases.compact(["LEFT", *["UP", "DOWN"] * 3, "UP", "UP"]) == "LEFT, (UP, DOWN) ×3, UP ×2"
+    assert phrases.compact(["UP", "UP", "DOWN", "DOWN"] * 2) == "UP ×2, DOWN ×2, UP ×2, DOWN ×2"
 
 
 @pytest.mark.parametrize(
@@ -154,4 +154,4 @@ def test_who_wanted_what(told, policy, agent, planner, said):
     values = {"LEFT": 1.0, "RIGHT": -0.5}
     by_chance = {"agent": agent, "planner": planner}[policy] != "LEFT"
     choice = replace(told.choice, action="LEFT", agent=agent, planner=planner, by_chance=by_chance, values=values)
-    assert telling.choice(replace(told, policy=policy, exploration=0.01, choice=choice)).endswith(said)
+    assert phrases.choice(replace(told, policy=policy, exploration=0.01, choice=choice)).endswith(said)

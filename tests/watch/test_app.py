@@ -131,8 +131,8 @@ def test_a_page_is_told_all_and_obeyed(client, session):
         ('{"do": "hold", "value": [1]}', "list of their names"),
         ('{"do": "goal", "value": 3}', "a goal is a text"),
         ('{"do": "goal", "value": "nowhere"}', "there is no class 'nowhere'"),
-        ('{"do": "tell", "value": "x"}', "tell a class"),
-        ('{"do": "tell", "value": {"fact": "x"}}', "assert disjoint"),
+        ('{"do": "edit", "value": "x"}', "give a class"),
+        ('{"do": "edit", "value": {"fact": "x"}}', "assert disjoint"),
     ],
 )
 def test_a_wrong_command_has_one_clear_answer_and_changes_nothing(client, message, said):

@@ -182,7 +182,7 @@ def test_a_person_teaches_it(browser, address, folder):
     wait(lambda: "off" in browser.find_element(CSS, "#classes li > span").text)
     send("fact-form", fact="disjoint(thing, autonomous)")
     wait(lambda: "nothing could be of the class" in text("fact-problem"))
-    for left in ("One edit stands", "Nothing was told"):
+    for left in ("One edit stands", "Nothing was added"):
         browser.find_element(ID, "undo").click()
         wait(lambda left=left: left in text("edits-says"))
     assert [edit.do for edit in read_log(folder)] == ["add", "disable", "undo", "undo"]

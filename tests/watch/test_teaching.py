@@ -77,18 +77,18 @@ def test_what_is_reached_hands_back_and_what_is_lost_is_sought_anew(session):
 
 
 def test_a_goal_in_what_is_forbidden_cannot_be_had(session):
-    session.tell(edit_of(HIGH))
+    session.edit(edit_of(HIGH))
     with pytest.raises(UsageError, match="contradicts itself"):
         session.seek("thing.y < 50")
-    session.tell(edit_of({"class": "High", "on": False}))
+    session.edit(edit_of({"class": "High", "on": False}))
     session.seek("thing.y < 50")
     assert session.moment.pursuit.state == "sought"
 
 
 def test_the_reason_is_the_goal_or_what_is_forbidden_also_on_the_page(session):
-    session.tell(edit_of(HIGH))
+    session.edit(edit_of(HIGH))
     assert "forbidden" in of_moment(session)["plan"]["reason"] and "forbidden" in session.explain().reason
-    session.tell(edit_of({"undo": True}))
+    session.edit(edit_of({"undo": True}))
     assert "forbidden" not in of_moment(session)["plan"]["reason"]
     session.seek("always(true)")
     assert "goal" in of_moment(session)["plan"]["reason"] and "goal" in session.explain().reason
@@ -121,7 +121,7 @@ def test_what_cannot_be_had_is_said_and_changes_nothing(session, goal, said):
 def test_a_forbidden_class_changes_the_next_plan_and_play_is_that_of_eval(folder, session):
     session.decide_by("planner")
     plain = session.moment.step.record.plan
-    session.tell(edit_of(HIGH))
+    session.edit(edit_of(HIGH))
     guarded = session.moment.step.record.plan
     assert isinstance(session.player.planning.planner, GoalPlanner)
 
@@ -139,7 +139,7 @@ def test_a_forbidden_class_changes_the_next_plan_and_play_is_that_of_eval(folder
     while not session.step().step.done:
         pass
     assert session.moment.step.total == wanted
-    session.tell(edit_of({"class": "High", "on": False}))
+    session.edit(edit_of({"class": "High", "on": False}))
     assert not isinstance(session.player.planning.planner, GoalPlanner)
 
 
@@ -147,15 +147,15 @@ def test_the_action_that_is_taken_is_that_of_the_new_plan(session):
     session.decide_by("planner")
     for _ in range(3):
         session.step()
-    session.tell(edit_of(HIGH))
+    session.edit(edit_of(HIGH))
     wanted = int(session.moment.step.record.plan.actions[0])
     assert session.step().step.action == wanted
 
 
 def test_the_record_is_that_of_semrl_knowledge(folder, session):
-    session.tell(edit_of(HIGH))
-    session.tell(edit_of({"class": "Both", "is": "High and count(thing) > 1"}))
-    session.tell(edit_of({"class": "High", "on": False}))
+    session.edit(edit_of(HIGH))
+    session.edit(edit_of({"class": "Both", "is": "High and count(thing) > 1"}))
+    session.edit(edit_of({"class": "High", "on": False}))
     assert [edit.do for edit in read_log(folder)] == ["add", "add", "disable"]
     wanted = load_knowledge(folder).to_dict()["classes"]
     told = of_moment(session)["taught"]
@@ -168,16 +168,16 @@ def test_the_record_is_that_of_semrl_knowledge(folder, session):
         "High switched off",
     ]
     for left in (2, 1, 0):
-        session.tell(edit_of({"undo": True}))
+        session.edit(edit_of({"undo": True}))
         assert of_moment(session)["taught"]["edits_in_all"] == left
     with pytest.raises(UsageError, match="no edit"):
-        session.tell(edit_of({"undo": True}))
+        session.edit(edit_of({"undo": True}))
     assert "High" not in known(session) and not any(edit["on"] is False for edit in known(session).values())
 
 
 def test_classes_hold_where_their_conditions_do(session):
-    session.tell(edit_of({"class": "Left", "is": "x < 50", "of_things": True}))
-    session.tell(edit_of({"class": "Some", "is": "some(contains, Left)"}))
+    session.edit(edit_of({"class": "Left", "is": "x < 50", "of_things": True}))
+    session.edit(edit_of({"class": "Some", "is": "some(contains, Left)"}))
     names, unit = session.player.encoder.space.names, session.player.encoder.space.unit
     kinds = set()
     for _ in range(20):
@@ -201,38 +201,38 @@ def test_classes_hold_where_their_conditions_do(session):
         ({"class": "Nothing", "on": True}, "no defined class"),
         ({"fact": "disjoint(thing, autonomous)"}, "nothing could be of the class"),
         ({"fact": "thing"}, "assert disjoint"),
-        ({"class": 3, "is": "thing"}, "tell a class"),
-        ({"undo": 1}, "tell a class"),
-        ("High", "tell a class"),
-        (None, "tell a class"),
+        ({"class": 3, "is": "thing"}, "give a class"),
+        ({"undo": 1}, "give a class"),
+        ("High", "give a class"),
+        (None, "give a class"),
     ],
 )
 def test_what_is_refused_leaves_all_as_it_was(folder, session, value, said):
     plan = session.moment.step.record.plan
     with pytest.raises(UsageError, match=said):
-        session.tell(edit_of(value))
+        session.edit(edit_of(value))
     assert session.moment.step.record.plan is plan and not (folder / "knowledge.jsonl").exists()
 
 
 def test_a_fact_puts_things_into_classes(session):
     words = session.teaching.words.words
-    session.tell(edit_of({"class": "Held", "is": "controlled", "of_things": True}))
+    session.edit(edit_of({"class": "Held", "is": "controlled", "of_things": True}))
     before = known(session)["Held"]["holds"]
     assert not any(name.endswith("_border") for name in before)
     with pytest.raises(UsageError, match="nothing could be of the class border"):
-        session.tell(edit_of({"fact": "below(border, controlled)"}))  # nothing is both a border and a thing
+        session.edit(edit_of({"fact": "below(border, controlled)"}))  # nothing is both a border and a thing
     slots = [slot.name for slot in session.teaching.words.reader.slots]
     others = [name for name in slots if name in words.concepts and "controlled" not in words.above(name)]
     free = [name for name in others if not any({"autonomous", "controlled"} <= set(group) for group in words.disjoint)]
     for name in free:
-        session.tell(edit_of({"fact": f"below({name}, controlled)"}))
+        session.edit(edit_of({"fact": f"below({name}, controlled)"}))
         assert name in known(session)["Held"]["holds"]
 
 
 def test_who_has_no_words_is_told_why(semantic_run):
     with contextlib.closing(WatchSession(load_player(semantic_run), "x", folder=semantic_run)) as session:
         assert "has no map" in about(session)["words"]["trouble"]
-        for ask in (lambda: session.seek("thing"), lambda: session.tell(Edit(do="undo"))):
+        for ask in (lambda: session.seek("thing"), lambda: session.edit(Edit(do="undo"))):
             with pytest.raises(UsageError, match="has no map"):
                 ask()
         assert of_moment(session)["goal"] is None and of_moment(session)["taught"]["classes"] == []
@@ -240,12 +240,12 @@ def test_who_has_no_words_is_told_why(semantic_run):
 
 def test_what_is_told_is_json(session):
     session.seek("thing.x < 45 and thing.y > 20")
-    session.tell(edit_of(HIGH))
+    session.edit(edit_of(HIGH))
     for _ in range(8):
         told = json.loads(json.dumps(of_moment(session), allow_nan=False))
         assert 0 <= told["goal"]["done"] <= 1 and told["place"]["to"] in ("goal", "gain")
         session.step()
     assert set(about(session)["words"]) == {"trouble", "example", "classes", "numbers", "roles", "individuals"}
-    session.tell(edit_of({"undo": True}))
+    session.edit(edit_of({"undo": True}))
     session.seek(about(session)["words"]["example"])
     assert np.isfinite(session.moment.pursuit.done)

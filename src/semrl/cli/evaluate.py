@@ -111,12 +111,12 @@ def _mean(returns: Sequence[float]) -> str:
 
 def _rewards(first: Sequence[tuple[int, float]]) -> dict[str, object]:
     """Say which decisions of the first episode brought rewards: what one may want to have explained."""
-    told: dict[str, object] = {}
+    rows: dict[str, object] = {}
     for name, sign in (("losses", -1), ("gains", 1)):
         places = [str(decision) for decision, reward in first if sign * reward > 0]
         if places:
             more = f" and {len(places) - REWARDS_SHOWN} more" if len(places) > REWARDS_SHOWN else ""
-            told[f"{name} of episode 0"] = (
+            rows[f"{name} of episode 0"] = (
                 f"decision{'s' * (len(places) > 1)} {', '.join(places[:REWARDS_SHOWN])}{more}"
             )
-    return told
+    return rows

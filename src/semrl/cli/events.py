@@ -57,8 +57,8 @@ def main(argv: Sequence[str]) -> None:
     for event in events:
         console.print(f"{event.decision:6,}  {_line(event)}", soft_wrap=True, markup=False, highlight=False)
     counts = Counter(event.kind for event in events)
-    told = ", ".join(f"{kind} {counts[kind]:,}" for kind in KINDS if counts[kind]) or "nothing happened"
-    console.print(told, highlight=False)
+    summary = ", ".join(f"{kind} {counts[kind]:,}" for kind in KINDS if counts[kind]) or "nothing happened"
+    console.print(summary, highlight=False)
 
 
 def _line(event: Event) -> str:

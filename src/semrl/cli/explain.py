@@ -15,7 +15,7 @@ from semrl.core.strict_json import dumps
 from semrl.evaluation.explaining import explain
 from semrl.evaluation.explanation import Explanation
 from semrl.evaluation.player import Policy
-from semrl.report import telling
+from semrl.report import phrases
 from semrl.report.explanation import write_explanation
 
 WIDTH = 20
@@ -85,16 +85,16 @@ def main(argv: Sequence[str]) -> None:
 
 def _show(e: Explanation) -> None:
     """Tell a person, from what is seen to what came."""
-    console.print(Text(f"Why {e.choice.action}?", "bold"), Text(f"{e.run}, {telling.which(e)}", "dim"))
+    console.print(Text(f"Why {e.choice.action}?", "bold"), Text(f"{e.run}, {phrases.which(e)}", "dim"))
     console.print()
-    way = {"way to a gain": telling.way(e)} if e.path else {}
-    console.print(_rows({"seen": telling.seen(e), "on the map": telling.place(e), **way}))
+    way = {"way to a gain": phrases.way(e)} if e.path else {}
+    console.print(_rows({"seen": phrases.seen(e), "on the map": phrases.place(e), **way}))
     console.print()
     console.print(_scenarios(e))
     console.print()
-    why = {"why the first": e.reason} | ({"what else": telling.otherwise(e)} if e.otherwise else {})
-    features = {f"plan: {part.part}": telling.told(part) for part in e.plan_features}
-    console.print(_rows({**why, **features, "done": telling.choice(e), "came": telling.rollout(e)}))
+    why = {"why the first": e.reason} | ({"what else": phrases.otherwise(e)} if e.otherwise else {})
+    features = {f"plan: {part.part}": phrases.plan_feature(part) for part in e.plan_features}
+    console.print(_rows({**why, **features, "done": phrases.choice(e), "came": phrases.rollout(e)}))
 
 
 def _rows(values: dict[str, str]) -> Table:
@@ -106,17 +106,17 @@ def _rows(values: dict[str, str]) -> Table:
 
 
 def _scenarios(e: Explanation) -> Table:
-    title = telling.shown_scenarios(e)
+    title = phrases.shown_scenarios(e)
     columns = ("", Column(title, min_width=WIDTH), "return", "uncertainty", "rewards", "ends in")
     table = Table(*columns, box=None, padding=(0, 2, 0, 0), header_style="dim")
     for scenario in e.scenarios:
         row = (
             str(scenario.rank),
-            telling.compact(scenario.actions),
-            telling.signed(scenario.predicted_return),
-            telling.uncertainty(scenario),
-            telling.rewards(scenario.rewards),
-            telling.ending(e, scenario),
+            phrases.compact(scenario.actions),
+            phrases.signed(scenario.predicted_return),
+            phrases.uncertainty(scenario),
+            phrases.rewards(scenario.rewards),
+            phrases.ending(e, scenario),
         )
         table.add_row(*map(Text, row), style="bold" if scenario.rank == 1 else None)
     return table

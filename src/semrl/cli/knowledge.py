@@ -112,18 +112,18 @@ def _export(known: RunKnowledge, path: Path) -> None:
 
 
 def _list(known: RunKnowledge) -> None:
-    told = known.to_dict()
+    entries = known.to_dict()
     lines = ["concepts"]
-    for one in told["concepts"]:
+    for one in entries["concepts"]:
         above = f", below {', '.join(one['above'])}" if one["above"] else ""
         ranges = "".join(f"; {number} {low:.0f} … {high:.0f}" for number, (low, high) in one["numbers"].items())
         lines.append(f"  {one['name']}{above}: {one['comment']}{ranges}")
     lines.append("roles")
     lines += [
-        f"  {one['name']}: {one['comment']} {', '.join(one['characteristics'])}".rstrip() for one in told["roles"]
+        f"  {one['name']}: {one['comment']} {', '.join(one['characteristics'])}".rstrip() for one in entries["roles"]
     ]
-    lines.append("classes" if told["classes"] else "no classes are defined yet")
-    for one in told["classes"]:
+    lines.append("classes" if entries["classes"] else "no classes are defined yet")
+    for one in entries["classes"]:
         marks = [*(["forbidden"] if one["forbidden"] else []), *([] if one["enabled"] else ["disabled"])]
         play = f"  ({one['support']:,} decisions, error {one['error']:.1%})" if one["support"] else ""
         lines.append(f"  {one['name']} ({', '.join([one['origin'], *marks])}): {one['condition']}{play}")

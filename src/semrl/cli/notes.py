@@ -12,14 +12,14 @@ def notes_in_one_line() -> Iterator[None]:
     """Print every `SemrlWarning` as one line; other warnings are shown as ever."""
     before = warnings.formatwarning
 
-    def tell(
+    def write(
         message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
     ) -> str:
         if issubclass(category, SemrlWarning):
             return f"note: {' '.join(str(message).split())}\n"
         return before(message, category, filename, lineno, line)
 
-    warnings.formatwarning = tell
+    warnings.formatwarning = write
     try:
         yield
     finally:

@@ -37,7 +37,7 @@ def printing() -> Iterator[Ended]:
     before = [_replacing(stream) for stream in (sys.stdout, sys.stderr)]
     try:
         with warnings.catch_warnings():
-            _tell_warnings()
+            _print_warnings()
             yield ended
             if sys.stdout is not None and not sys.stdout.closed:
                 sys.stdout.flush()
@@ -65,12 +65,12 @@ def _say(line: str) -> None:
         print(line, file=sys.stderr, flush=True)
 
 
-def _tell_warnings() -> None:
+def _print_warnings() -> None:
     """Print our warnings as one line each, others as ever."""
     warnings.simplefilter("always", SemrlWarning)
     others = warnings.showwarning
 
-    def tell(  # noqa: PLR0917 — as Python calls it
+    def show(  # noqa: PLR0917 — as Python calls it
         message: Warning | str,
         category: type[Warning],
         filename: str,
@@ -83,7 +83,7 @@ def _tell_warnings() -> None:
         else:
             others(message, category, filename, lineno, file, line)
 
-    warnings.showwarning = tell
+    warnings.showwarning = show
 
 
 def _replacing(stream: TextIO | None) -> str | None:

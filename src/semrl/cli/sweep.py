@@ -79,8 +79,8 @@ def main(argv: Sequence[str]) -> None:
     if arguments.json:
         found = {"measure": summary.measure, "cells": [asdict(cell) for cell in summary.cells]}
         searched = {"best": to_builtins(best), "trials": to_builtins(proposals)} if best else {}
-        told = {"out": str(out), "page": str(page), **found, "rows": [asdict(row) for row in rows]}
-        print(dumps(told | searched))
+        result = {"out": str(out), "page": str(page), **found, "rows": [asdict(row) for row in rows]}
+        print(dumps(result | searched))
         return
     console.print(_table(summary))
     if best:
@@ -102,8 +102,8 @@ def _train(arguments: SweepArguments, sweep: Sweep, out: Path) -> tuple[list[Run
         return [rows[id_] for id_ in cells if id_ in rows]
 
     tasks, pool = [task for _, task in cells.values()], _pool(arguments)
-    with _shown() as (tell, show):
-        states = run_all(tasks, pool, out, say=tell, show=show, on_finished=on_finished)
+    with _shown() as (say, show):
+        states = run_all(tasks, pool, out, say=say, show=show, on_finished=on_finished)
     return in_order(), states
 
 

@@ -61,7 +61,7 @@ def main(argv: Sequence[str]) -> None:
         observers: list[Observer] = [stack.enter_context(TrainingProgress(shown, path))]
         observers += [stack.enter_context(tracker) for tracker in trackers]
         result = train(path, config, observers=observers)
-    tell(result, as_json=arguments.json)
+    show_result(result, as_json=arguments.json)
 
 
 def _trackers(arguments: TrainArguments, path: Path, config: RunConfig) -> list["Tracker"]:
@@ -73,7 +73,7 @@ def _trackers(arguments: TrainArguments, path: Path, config: RunConfig) -> list[
     return [*chosen, *([trackers.mlflow(path, config)] if arguments.mlflow else [])]
 
 
-def tell(result: TrainResult, *, as_json: bool) -> None:
+def show_result(result: TrainResult, *, as_json: bool) -> None:
     """Print the result for a person or for a program."""
     if as_json:
         print(dumps(dataclasses.asdict(result)))

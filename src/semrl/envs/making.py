@@ -78,9 +78,9 @@ def _make(spec: EnvSpec, render_mode: str | None, settings: dict[str, Any]) -> E
     try:
         return gym.make(spec, disable_env_checker=True, **settings, **rendered)
     except Exception as error:  # a constructor may raise anything
-        told = (str(error).splitlines() or [""])[0]
+        reason = (str(error).splitlines() or [""])[0]
         kind = "" if isinstance(error, (gym.error.Error, ImportError)) else f"{type(error).__name__}: "
-        raise NoEnvironmentError(f"cannot make environment '{spec.id}': {kind}{told}") from error
+        raise NoEnvironmentError(f"cannot make environment '{spec.id}': {kind}{reason}") from error
 
 
 def _import(module: str, purpose: str) -> None:

@@ -144,8 +144,8 @@ class Checked(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
 
     def _frame(self, frame: Any) -> Image:
         if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8 or frame.shape != self._shape:
-            told = f"{frame.dtype} {frame.shape}" if isinstance(frame, np.ndarray) else f"a {type(frame).__name__}"
-            raise UsageError(f"{title(self.env)} announces frames of uint8 {self._shape} and shows {told}")
+            found = f"{frame.dtype} {frame.shape}" if isinstance(frame, np.ndarray) else f"a {type(frame).__name__}"
+            raise UsageError(f"{title(self.env)} announces frames of uint8 {self._shape} and shows {found}")
         return frame.copy()
 
     def _number(self, reward: Any) -> float:

@@ -134,11 +134,11 @@ def _compare(world: WorldModel, steps: Sequence[Step], spans: Spans, confusion: 
     rewards = np.sign([step.reward for step in steps[1:]]).astype(int)
     longest = max(HORIZONS)
     for t, history in enumerate(histories[:-1]):
-        told = world.imagine(history, actions[None, t : t + longest])
-        confusion[rewards[t] + 1, int(np.rint(told.rewards[0, 0])) + 1] += 1
+        imagined = world.imagine(history, actions[None, t : t + longest])
+        confusion[rewards[t] + 1, int(np.rint(imagined.rewards[0, 0])) + 1] += 1
         for horizon in HORIZONS:
             if t + horizon < len(histories) and (horizon == 1 or not rewards[t : t + horizon].any()):
-                spans[horizon].append((told.states[0, horizon - 1], histories[t + horizon].states[0]))
+                spans[horizon].append((imagined.states[0, horizon - 1], histories[t + horizon].states[0]))
 
 
 def _embedded(encoder: TrackedSceneEncoder, facts: Spans) -> Spans:

@@ -61,7 +61,7 @@ def _without_path(manifest: dict[str, object]) -> dict[str, object]:
 def _evaluation(path: Path) -> str:
     """Return an evaluation without the folder that it was made in."""
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
-        return dumps({**told, "run": ""}, indent=2) + "\n"
+        result = json.loads(path.read_text(encoding="utf-8"))
+        return dumps({**result, "run": ""}, indent=2) + "\n"
     except (ValueError, TypeError) as error:
         raise SemrlError(f"{path} is damaged: {error!r}; delete it and evaluate again") from None

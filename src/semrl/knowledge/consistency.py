@@ -55,7 +55,7 @@ def contradiction(expression: Expression, words: Ontology, sort: Sort = "scene")
         shrinking = smaller is not None
         expression = smaller or expression
     least = _least_axioms(expression, least, sort)
-    return Contradiction(expression=expression, axioms=tuple(told_axioms(least)))
+    return Contradiction(expression=expression, axioms=tuple(asserted_axioms(least)))
 
 
 def require_possible(expression: Expression, words: Ontology, what: str, sort: Sort = "scene") -> None:
@@ -235,7 +235,7 @@ def fewer(words: Ontology) -> Iterator[dict[str, Any]]:
         yield {"parents": tuple(one for one in words.parents if one != pair)}
 
 
-def told_axioms(words: Ontology) -> Iterator[str]:
+def asserted_axioms(words: Ontology) -> Iterator[str]:
     """Yield what is said of classes, in words."""
     for (concept, number), (low, high) in words.ranges.items():
         yield f"{concept}.{number} lies in {low:.4g} … {high:.4g}"

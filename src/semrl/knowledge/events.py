@@ -51,13 +51,13 @@ class Event:
         """The event in words."""
         who = " and ".join(self.concepts) if self.kind == "contact" else (*self.concepts, "")[0]
         where = f" off {self.concepts[1]}" if self.kind == "bounce" and len(self.concepts) > 1 else ""
-        told = {
+        sentences = {
             "contact": f"{who} touch",
             "bounce": f"{who} bounces{where}, its v{self.axis} turns",
             "gain": f"reward {self.amount:+g}",
             "loss": f"reward {self.amount:+g}",
         }
-        return told.get(self.kind, f"{who} {self.kind}" if who else self.kind)
+        return sentences.get(self.kind, f"{who} {self.kind}" if who else self.kind)
 
 
 def events_of(
@@ -77,7 +77,7 @@ def events_of(
         Left at each; empty where there are none.
     """
     found = [
-        _told(row, scenes, table)
+        _event(row, scenes, table)
         for before, after in itertools.pairwise(range(len(scenes)))
         for row in _between(scenes[before], scenes[after], table, after)
     ]
@@ -102,7 +102,7 @@ def _between(before: Scene, after: Scene, table: ConceptTable, decision: int) ->
     return [(decision, *row) for row in rows.tolist() if row[0] != _BOUNCE or not steered[row[1]]]
 
 
-def _told(row: tuple[int, ...], scenes: Sequence[Scene], table: ConceptTable) -> Event:
+def _event(row: tuple[int, ...], scenes: Sequence[Scene], table: ConceptTable) -> Event:
     decision, kind, one, other, axis = row
     scene = scenes[decision] if kind == _APPEARS else scenes[decision - 1]
     things = (one, other) if other >= 0 else (one,)

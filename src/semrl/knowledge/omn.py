@@ -26,10 +26,10 @@ def _head(base: str, about: str, provenance: Mapping[str, str]) -> Iterator[str]
     for prefix, namespace in {**PREFIXES, "prov": PROV}.items():
         yield f"Prefix: {prefix}: <{namespace}>"
     yield f"\nOntology: <{base.rstrip('#/')}>"
-    told = [*([f"rdfs:label {_quoted(about)}"] if about else [])]
-    told += [f"prov:{name} {_quoted(value)}" for name, value in provenance.items()]
-    if told:
-        yield "    Annotations: " + ", ".join(told)
+    annotations = [*([f"rdfs:label {_quoted(about)}"] if about else [])]
+    annotations += [f"prov:{name} {_quoted(value)}" for name, value in provenance.items()]
+    if annotations:
+        yield "    Annotations: " + ", ".join(annotations)
     for name in (*(f"prov:{name}" for name in provenance), "semrl:support", "semrl:error", "semrl:origin"):
         yield f"\nAnnotationProperty: {name}"
 
@@ -53,18 +53,18 @@ def _classes(words: Ontology) -> Iterator[str]:
 
 
 def _learned(one: Definition) -> list[str]:
-    told = [f"semrl:origin {_quoted(one.origin)}"]
+    annotations = [f"semrl:origin {_quoted(one.origin)}"]
     if one.support:
-        told += [f"semrl:support {one.support}", f'semrl:error "{one.error!r}"^^xsd:double']
-    return told
+        annotations += [f"semrl:support {one.support}", f'semrl:error "{one.error!r}"^^xsd:double']
+    return annotations
 
 
 def _roles(words: Ontology) -> Iterator[str]:
     counted = counted_roles(words)
     yield from _frame("ObjectProperty", "contains", "From a scene to its things.", Domain=[SCENE])
-    told = {role.name: role for role in words.roles}
+    declared = {role.name: role for role in words.roles}
     for name in words.role_names[1:]:
-        role = told.get(name)
+        role = declared.get(name)
         if role is None:
             yield from _frame("ObjectProperty", name, "")
             continue
@@ -89,12 +89,14 @@ def _individuals(words: Ontology) -> Iterator[str]:
         yield f"\nDifferentIndividuals: {', '.join(words.individuals)}"
 
 
-def _frame(kind: str, name: str, comment: str, told: list[str] | None = None, **sections: list[str]) -> Iterator[str]:
+def _frame(
+    kind: str, name: str, comment: str, annotations: list[str] | None = None, **sections: list[str]
+) -> Iterator[str]:
     """Yield the lines of one frame; sections that are empty are left out."""
     yield f"\n{kind}: {name}"
     notes = [f"rdfs:label {_quoted(name.replace('_', ' '))}"]
     notes += [f"rdfs:comment {_quoted(comment)}"] if comment else []
-    yield "    Annotations: " + ", ".join([*notes, *(told or [])])
+    yield "    Annotations: " + ", ".join([*notes, *(annotations or [])])
     for section, values in sections.items():
         if values:
             yield f"    {section}: {', '.join(values)}"

@@ -54,8 +54,8 @@ class Definition:
     """Decisions of the play that it was learned from and holds in; 0 where it was not learned."""
     error: float = 0.0
     """Share of the decisions at which what it stands for and what it says differ."""
-    origin: str = "told"
-    """Who says so: ``learned`` or ``told``."""
+    origin: str = "asserted"
+    """Where it is from: ``learned`` from play, or ``asserted`` by people."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,8 +90,8 @@ class Ontology:
     @cached_property
     def role_names(self) -> tuple[str, ...]:
         """Names of all roles: `contains`, then those told, then inverses that were not told themselves."""
-        told = [CONTAINS, *(role.name for role in self.roles)]
-        return tuple(dict.fromkeys([*told, *(role.inverse for role in self.roles if role.inverse)]))
+        asserted = [CONTAINS, *(role.name for role in self.roles)]
+        return tuple(dict.fromkeys([*asserted, *(role.inverse for role in self.roles if role.inverse)]))
 
     @cached_property
     def class_names(self) -> tuple[str, ...]:

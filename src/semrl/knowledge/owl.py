@@ -43,8 +43,8 @@ class _Triples:
     found: list[ox.Triple] = field(default_factory=list)
     blanks: int = 0
 
-    def add(self, subject: ox.NamedNode | ox.BlankNode, predicate: str, told: _Term) -> None:
-        self.found.append(ox.Triple(subject, node(predicate), told))
+    def add(self, subject: ox.NamedNode | ox.BlankNode, predicate: str, value: _Term) -> None:
+        self.found.append(ox.Triple(subject, node(predicate), value))
 
     def blank(self) -> ox.BlankNode:
         self.blanks += 1
@@ -67,8 +67,8 @@ class _Triples:
         blank = self.blank()
         self.add(blank, "rdf:type", node("owl:Restriction"))
         self.add(blank, "owl:onProperty", self.own(role))
-        for predicate, told in said.items():
-            self.add(blank, f"owl:{predicate}", told)
+        for predicate, value in said.items():
+            self.add(blank, f"owl:{predicate}", value)
         return blank
 
     def bounded(self, bounds: Sequence[tuple[str, float]]) -> ox.BlankNode:
@@ -109,10 +109,10 @@ class _Triples:
             case Facet(number, comparison, bound):
                 return self.restriction(number, someValuesFrom=self.bounded([(comparison, bound)]))
 
-    def _class(self, joint: str, told: _Term) -> ox.BlankNode:
+    def _class(self, joint: str, value: _Term) -> ox.BlankNode:
         blank = self.blank()
         self.add(blank, "rdf:type", node("owl:Class"))
-        self.add(blank, joint, told)
+        self.add(blank, joint, value)
         return blank
 
 
@@ -137,12 +137,12 @@ def to_triples(
     OWL 2 DL counts along simple roles only, so that what makes a role that is counted along transitive, or follow from
     chains, is left out.
     """
-    told = _Triples(base)
-    _ontology(told, about, provenance or {})
-    _classes(told, words)
-    _roles(told, words)
-    _individuals(told, words)
-    return told.found
+    triples = _Triples(base)
+    _ontology(triples, about, provenance or {})
+    _classes(triples, words)
+    _roles(triples, words)
+    _individuals(triples, words)
+    return triples.found
 
 
 def write_owl(triples: Sequence[ox.Triple], base: str, suffix: str) -> bytes:
@@ -152,63 +152,63 @@ def write_owl(triples: Sequence[ox.Triple], base: str, suffix: str) -> bytes:
     return file.getvalue()
 
 
-def _ontology(told: _Triples, about: str, provenance: Mapping[str, str]) -> None:
-    head = ox.NamedNode(told.base.rstrip("#/"))
-    told.add(head, "rdf:type", node("owl:Ontology"))
+def _ontology(triples: _Triples, about: str, provenance: Mapping[str, str]) -> None:
+    head = ox.NamedNode(triples.base.rstrip("#/"))
+    triples.add(head, "rdf:type", node("owl:Ontology"))
     if about:
-        told.add(head, "rdfs:label", ox.Literal(about))
+        triples.add(head, "rdfs:label", ox.Literal(about))
     for name, value in provenance.items():
-        told.add(head, f"prov:{name}", ox.Literal(value))
+        triples.add(head, f"prov:{name}", ox.Literal(value))
     for annotation in (*(f"prov:{name}" for name in provenance), "semrl:support", "semrl:error", "semrl:origin"):
-        told.add(node(annotation), "rdf:type", node("owl:AnnotationProperty"))
+        triples.add(node(annotation), "rdf:type", node("owl:AnnotationProperty"))
 
 
-def _classes(told: _Triples, words: Ontology) -> None:
+def _classes(triples: _Triples, words: Ontology) -> None:
     for name, comment in {SCENE: SCENES, **words.concepts}.items():
-        _named(told, name, "owl:Class", comment)
+        _named(triples, name, "owl:Class", comment)
     for below, above in words.parents:
-        told.add(told.own(below), "rdfs:subClassOf", told.own(above))
+        triples.add(triples.own(below), "rdfs:subClassOf", triples.own(above))
     tops = [name for name in words.concepts if all(name != below for below, _ in words.parents)]
     for group in (*words.disjoint, *((SCENE, top) for top in tops)):
-        blank = told.blank()
-        told.add(blank, "rdf:type", node("owl:AllDisjointClasses"))
-        told.add(blank, "owl:members", told.list_of([told.own(name) for name in group]))
+        blank = triples.blank()
+        triples.add(blank, "rdf:type", node("owl:AllDisjointClasses"))
+        triples.add(blank, "owl:members", triples.list_of([triples.own(name) for name in group]))
     for (concept, number), (low, high) in words.ranges.items():
-        within = told.bounded([(">=", low), ("<=", high)])
-        told.add(told.own(concept), "rdfs:subClassOf", told.restriction(number, allValuesFrom=within))
+        within = triples.bounded([(">=", low), ("<=", high)])
+        triples.add(triples.own(concept), "rdfs:subClassOf", triples.restriction(number, allValuesFrom=within))
     for concept, most in words.limits.items():
-        told.add(told.own(SCENE), "rdfs:subClassOf", told.of(AtMost(most, "contains", Named(concept))))
+        triples.add(triples.own(SCENE), "rdfs:subClassOf", triples.of(AtMost(most, "contains", Named(concept))))
     for name, definition in words.definitions.items():
-        _named(told, name, "owl:Class", definition.comment)
-        told.add(told.own(name), "owl:equivalentClass", told.of(definition.expression))
-        told.add(told.own(name), "semrl:origin", ox.Literal(definition.origin))
+        _named(triples, name, "owl:Class", definition.comment)
+        triples.add(triples.own(name), "owl:equivalentClass", triples.of(definition.expression))
+        triples.add(triples.own(name), "semrl:origin", ox.Literal(definition.origin))
         if definition.support:
-            told.add(told.own(name), "semrl:support", ox.Literal(definition.support))
-            told.add(told.own(name), "semrl:error", _double(definition.error))
+            triples.add(triples.own(name), "semrl:support", ox.Literal(definition.support))
+            triples.add(triples.own(name), "semrl:error", _double(definition.error))
 
 
-def _roles(told: _Triples, words: Ontology) -> None:
+def _roles(triples: _Triples, words: Ontology) -> None:
     counted = counted_roles(words)
-    _named(told, "contains", "owl:ObjectProperty", "From a scene to its things.")
-    told.add(told.own("contains"), "rdfs:domain", told.own(SCENE))
+    _named(triples, "contains", "owl:ObjectProperty", "From a scene to its things.")
+    triples.add(triples.own("contains"), "rdfs:domain", triples.own(SCENE))
     comments = {role.name: role.comment for role in words.roles}
     for name in words.role_names[1:]:
-        _named(told, name, "owl:ObjectProperty", comments.get(name, ""))
+        _named(triples, name, "owl:ObjectProperty", comments.get(name, ""))
     for role in words.roles:
-        own = told.own(role.name)
+        own = triples.own(role.name)
         if role.inverse:
-            told.add(own, "owl:inverseOf", told.own(role.inverse))
+            triples.add(own, "owl:inverseOf", triples.own(role.inverse))
         if role.symmetric:
-            told.add(own, "rdf:type", node("owl:SymmetricProperty"))
+            triples.add(own, "rdf:type", node("owl:SymmetricProperty"))
         if counted.isdisjoint({role.name, role.inverse}):
             if role.transitive:
-                told.add(own, "rdf:type", node("owl:TransitiveProperty"))
+                triples.add(own, "rdf:type", node("owl:TransitiveProperty"))
             for chain in role.chains:
-                told.add(own, "owl:propertyChainAxiom", told.list_of([told.own(name) for name in chain]))
+                triples.add(own, "owl:propertyChainAxiom", triples.list_of([triples.own(name) for name in chain]))
     for name, comment in words.numbers.items():
-        _named(told, name, "owl:DatatypeProperty", comment)
-        told.add(told.own(name), "rdf:type", node("owl:FunctionalProperty"))
-        told.add(told.own(name), "rdfs:range", node("xsd:double"))
+        _named(triples, name, "owl:DatatypeProperty", comment)
+        triples.add(triples.own(name), "rdf:type", node("owl:FunctionalProperty"))
+        triples.add(triples.own(name), "rdfs:range", node("xsd:double"))
 
 
 def counted_roles(words: Ontology) -> set[str]:
@@ -217,21 +217,21 @@ def counted_roles(words: Ontology) -> set[str]:
     return {part.role for part in every if isinstance(part, AtLeast | AtMost | HasSelf)}
 
 
-def _individuals(told: _Triples, words: Ontology) -> None:
+def _individuals(triples: _Triples, words: Ontology) -> None:
     for name, concept in words.individuals.items():
-        _named(told, name, "owl:NamedIndividual", "")
-        told.add(told.own(name), "rdf:type", told.own(concept))
+        _named(triples, name, "owl:NamedIndividual", "")
+        triples.add(triples.own(name), "rdf:type", triples.own(concept))
     if len(words.individuals) > 1:
-        blank = told.blank()
-        told.add(blank, "rdf:type", node("owl:AllDifferent"))
-        told.add(blank, "owl:distinctMembers", told.list_of([told.own(name) for name in words.individuals]))
+        blank = triples.blank()
+        triples.add(blank, "rdf:type", node("owl:AllDifferent"))
+        triples.add(blank, "owl:distinctMembers", triples.list_of([triples.own(name) for name in words.individuals]))
 
 
-def _named(told: _Triples, name: str, kind: str, comment: str) -> None:
-    told.add(told.own(name), "rdf:type", node(kind))
-    told.add(told.own(name), "rdfs:label", ox.Literal(name.replace("_", " ")))
+def _named(triples: _Triples, name: str, kind: str, comment: str) -> None:
+    triples.add(triples.own(name), "rdf:type", node(kind))
+    triples.add(triples.own(name), "rdfs:label", ox.Literal(name.replace("_", " ")))
     if comment:
-        told.add(told.own(name), "rdfs:comment", ox.Literal(comment))
+        triples.add(triples.own(name), "rdfs:comment", ox.Literal(comment))
 
 
 def _count(number: int) -> ox.Literal:

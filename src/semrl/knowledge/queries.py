@@ -94,13 +94,13 @@ def ask(store: ox.Store, query: str, limits: Limits | None = None, *, base: str 
         "answer_characters": limits.answer_characters,
     }
     triples = store.dump(format=ox.RdfFormat.N_TRIPLES, from_graph=ox.DefaultGraph())
-    told = json.loads(_run(dumps(task).encode() + b"\n" + (triples or b""), limits))
-    if "error" in told:
-        raise UsageError(f"the query cannot be answered: {textwrap.shorten(told['error'], 200, placeholder=' …')}")
-    if "truth" in told:
-        return Answer(truth=told["truth"])
-    rows = tuple(tuple(_value(known, *cell) for cell in row) for row in told["rows"])
-    return Answer(variables=tuple(told["variables"]), rows=rows, truncated=told["truncated"])
+    answer = json.loads(_run(dumps(task).encode() + b"\n" + (triples or b""), limits))
+    if "error" in answer:
+        raise UsageError(f"the query cannot be answered: {textwrap.shorten(answer['error'], 200, placeholder=' …')}")
+    if "truth" in answer:
+        return Answer(truth=answer["truth"])
+    rows = tuple(tuple(_value(known, *cell) for cell in row) for row in answer["rows"])
+    return Answer(variables=tuple(answer["variables"]), rows=rows, truncated=answer["truncated"])
 
 
 def _run(task: bytes, limits: Limits) -> bytes:

@@ -84,12 +84,12 @@ def soon(rewards: Sequence[Floats], sign: int, within: int) -> NDArray[np.bool_]
     within
         In how many decisions it must come, counted from this one on.
     """
-    told = []
+    flags = []
     for own in rewards:
         counts = np.append(0, np.cumsum(np.sign(own) == sign))
         places = np.arange(len(own))
-        told.append(counts[np.minimum(places + within, len(own))] > counts[places])
-    return np.concatenate(told) if told else np.zeros(0, np.bool_)
+        flags.append(counts[np.minimum(places + within, len(own))] > counts[places])
+    return np.concatenate(flags) if flags else np.zeros(0, np.bool_)
 
 
 def learn_scene_classes(
@@ -263,10 +263,10 @@ def shuffled(words: Ontology, names: Sequence[str], seed: int = 0) -> Ontology:
     Each class has as many as before; where only one has any, another one gets them all. It is what learned classes are
     compared with.
     """
-    told = [name for name in names if name in words.definitions]
-    rules = [(name, rule) for name in told for rule in _rules(words.definitions[name].expression)]
+    defined = [name for name in names if name in words.definitions]
+    rules = [(name, rule) for name in defined for rule in _rules(words.definitions[name].expression)]
     owners = [name for name, _ in rules]
-    if len(told) > 1:
+    if len(defined) > 1:
         rng = np.random.default_rng(seed)
         dealt = owners
         while dealt == owners:  # there are two owners, so that another deal comes
@@ -276,7 +276,7 @@ def shuffled(words: Ontology, names: Sequence[str], seed: int = 0) -> Ontology:
         owners = [next(name for name in names if name != owner) for owner in owners]
     changed = {
         name: replace(
-            words.definitions.get(name, words.definitions[told[0]]),
+            words.definitions.get(name, words.definitions[defined[0]]),
             expression=disjunction(*(rule for (_, rule), owner in zip(rules, owners, strict=True) if owner == name)),
         )
         for name in names

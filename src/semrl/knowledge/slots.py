@@ -178,12 +178,12 @@ class SlotReader:
 
     def _numbers(self, states: Floats) -> NDArray[np.float64]:
         """Return x and y of each thing in percent, ``(b, k, 2)``; NaN where that is not told."""
-        told = np.full((len(states), len(self.slots), 2), np.nan)
+        coordinates = np.full((len(states), len(self.slots), 2), np.nan)
         for place, slot in enumerate(self.slots):
             for axis, name in enumerate(("x", "y")):
                 if name in slot.columns:
-                    told[:, place, axis] = states[:, slot.columns[name]] * self.percent
-        return told
+                    coordinates[:, place, axis] = states[:, slot.columns[name]] * self.percent
+        return coordinates
 
     def _present(self, states: Floats) -> NDArray[np.bool_]:
         columns = [slot.columns.get("seen", -1) for slot in self.slots]

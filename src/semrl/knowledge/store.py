@@ -187,9 +187,9 @@ def _words(name: str) -> str:
 
 def _order(triple: ox.Triple) -> tuple[bool, str, bool, str, str]:
     """Order the ontology before what it is about, types first, and state 2 before state 10."""
-    subject, predicate, told = (str(part) for part in triple)
+    subject, predicate, value = (str(part) for part in triple)
     is_type = predicate.endswith("#type>")
-    return not subject.startswith(f"<{TERMS[:-1]}"), _padded(subject), not is_type, predicate, _padded(told)
+    return not subject.startswith(f"<{TERMS[:-1]}"), _padded(subject), not is_type, predicate, _padded(value)
 
 
 def _padded(text: str) -> str:

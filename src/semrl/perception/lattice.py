@@ -73,16 +73,16 @@ class Lattice:
             When there are too many kinds.
         """
         rows = frame.shape[0] // self.side_px_
-        told = []
+        kinds = []
         for cell in _cells(frame, self.side_px_):
             key = cell.tobytes()
             if key not in self._kinds:
                 self._kinds[key] = len(self.patterns_)
                 self.patterns_.append(cell.reshape(self.side_px_, self.side_px_, 3))
-            told.append(self._kinds[key])
+            kinds.append(self._kinds[key])
         if len(self.patterns_) > MAX_KINDS:
             raise UsageError(f"there are more than {MAX_KINDS} appearances of cells: this is no discrete world")
-        return np.array(told, np.int64).reshape(rows, -1)
+        return np.array(kinds, np.int64).reshape(rows, -1)
 
     def to_arrays(self) -> Arrays:
         """Return how cells look."""

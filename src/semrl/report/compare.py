@@ -1,4 +1,4 @@
-"""Telling what two runs know and do differently, as lines and as a page."""
+"""What two runs know and do differently, as lines and as a page."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -6,8 +6,8 @@ from pathlib import Path
 from semrl.core.files import require_writable, write_text
 from semrl.core.strict_json import dumps
 from semrl.evaluation.comparison import Comparison, Decider, Interval, Score, Words
+from semrl.report.phrases import named
 from semrl.report.scenes import data_uri
-from semrl.report.telling import named
 from semrl.report.templates import render_page
 from semrl.report.wording import interval, number
 from semrl.world_model.rules import sentence
@@ -26,12 +26,12 @@ def write_comparison(comparison: Comparison, out: Path) -> Path:
         When writing fails (full disk).
     """
     require_writable(out)
-    told = dict(sections(comparison))
-    (game, *_) = told.pop(GAME)
+    texts = dict(sections(comparison))
+    (game, *_) = texts.pop(GAME)
     page = render_page(
         "compare.html",
         title="Two runs compared",
-        sections=told,
+        sections=texts,
         game=game,
         partings=[
             (parting, data_uri(parting.frame), list(zip(comparison.runs, map(why, parting.deciders), strict=True)))

@@ -7,7 +7,7 @@ from typing import Any
 from semrl.core.files import require_writable, write_text
 from semrl.evaluation.explanation import Explanation, ImaginedScenario
 from semrl.evaluation.sight import CLASS_COLOURS
-from semrl.report import telling
+from semrl.report import phrases
 from semrl.report.charts import RUN_COLOURS
 from semrl.report.scenes import css_colours, scene
 from semrl.report.templates import render_page
@@ -37,11 +37,11 @@ def render_explanation(explanation: Explanation) -> str:
         "explanation.html",
         title=f"Why {e.choice.action}?",
         e=e,
-        telling=telling,
+        phrases=phrases,
         scene=scene(e.frame, sight.boxes_px, sight.classes, sight.edges, palette),
-        kinds=[(kind, palette[kind % len(palette)], n) for kind, n in telling.kinds(e)],
+        kinds=[(kind, palette[kind % len(palette)], n) for kind, n in phrases.kinds(e)],
         bars=_bars(e.choice.values),
-        path=telling.shortened(e.path),
+        path=phrases.shortened(e.path),
         colours=colours,
         scenarios=[(scenario, strip(scenario.actions, scenario.rewards, colours)) for scenario in e.scenarios],
         came=[
@@ -62,9 +62,9 @@ def strip(actions: Sequence[str], rewards: Sequence[float], colours: Mapping[str
         reward.
     """
     return {
-        "blocks": [(action, n, colours[action]) for action, n in telling.runs_of(actions)],
+        "blocks": [(action, n, colours[action]) for action, n in phrases.runs_of(actions)],
         "marks": [
-            (100 * (i + 1) / len(actions), "gain" if value > 0 else "loss", telling.signed(value))
+            (100 * (i + 1) / len(actions), "gain" if value > 0 else "loss", phrases.signed(value))
             for i, value in enumerate(rewards)
             if value
         ],

@@ -134,7 +134,7 @@ class _Queue:
         self._on_finished = on_finished
         self._waiting = list(self.states)
         self._stops = 0
-        self._told = time.monotonic()
+        self._printed = time.monotonic()
 
     def work(self) -> None:
         """Work all off."""
@@ -142,7 +142,7 @@ class _Queue:
             while self._waiting and self._pool.has_room():
                 self._start(self._waiting.pop(0))
             time.sleep(POLL_SECONDS)
-            self._tell()
+            self._print()
             for ended in self._pool.ended():
                 self._close(next(state for state in self.states if state.task is ended.task), ended)
         if self._show:
@@ -188,12 +188,12 @@ class _Queue:
         state.status = "finished"
         self._on_finished(state.task)
 
-    def _tell(self) -> None:
+    def _print(self) -> None:
         """Show how all stand, or say every half minute how far the running ones are."""
         if self._show:
             self._show(self.states)
-        elif time.monotonic() - self._told >= EVERY_SECONDS:
-            self._told = time.monotonic()
+        elif time.monotonic() - self._printed >= EVERY_SECONDS:
+            self._printed = time.monotonic()
             for state in self.states:
                 if state.status == "running":
                     self._say(f"{state.task.id}: {state.task.last_line()}")

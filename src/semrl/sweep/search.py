@@ -120,10 +120,10 @@ def propose(search: Search, known: Sequence[Proposal]) -> list[Proposal]:
 def valued(search: Search, proposal: Proposal, rows: Sequence[RunRow], measure: str, runs: int) -> Proposal:
     """Return a trial with what its finished runs came to: the mean over its seeds; failed, where one is missing."""
     own = [row for row in rows if row.variant == proposal.variant]
-    told = [row.seconds if search.objective == "seconds" else _mean(row.returns.get(measure, ())) for row in own]
-    if len(own) < runs or any(value is None for value in told):
+    values = [row.seconds if search.objective == "seconds" else _mean(row.returns.get(measure, ())) for row in own]
+    if len(own) < runs or any(value is None for value in values):
         return msgspec.structs.replace(proposal, failed=True)
-    return msgspec.structs.replace(proposal, value=float(np.mean([value for value in told if value is not None])))
+    return msgspec.structs.replace(proposal, value=float(np.mean([value for value in values if value is not None])))
 
 
 def best_of(search: Search, proposals: Sequence[Proposal]) -> Proposal | None:

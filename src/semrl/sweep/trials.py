@@ -38,8 +38,8 @@ class Trial:
         decisions = config.decisions if self.at is None else self.at
         wanted = {"decisions": decisions, "seed": config.seed + EVALUATION_SEED, "episodes": self.episodes}
         try:
-            told = json.loads(self.path(run).read_text(encoding="utf-8"))["conditions"]
-            return bool(wanted.items() <= told.items())
+            conditions = json.loads(self.path(run).read_text(encoding="utf-8"))["conditions"]
+            return bool(wanted.items() <= conditions.items())
         except FileNotFoundError:
             return False
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:

@@ -65,7 +65,7 @@ class MetricsFile:
         SemrlError
             When the disk is full.
         """
-        with self._told():
+        with self._as_semrl_error():
             if new := [column for column in row if column not in self._columns]:
                 self._file.close()
                 self._open((*self._columns, *new), read_metrics(self.path))
@@ -81,7 +81,7 @@ class MetricsFile:
         SemrlError
             When the disk is full.
         """
-        with self._told():
+        with self._as_semrl_error():
             self._file.flush()
             os.fsync(self._file.fileno())
 
@@ -102,7 +102,7 @@ class MetricsFile:
         self._writer = csv.DictWriter(self._file, columns, lineterminator="\n")
 
     @contextlib.contextmanager
-    def _told(self) -> Iterator[None]:
+    def _as_semrl_error(self) -> Iterator[None]:
         try:
             yield
         except OSError as error:

@@ -57,21 +57,21 @@ class ProgressLines:
         if what != self._what:
             self.close()
             self._what = what
-            self._first = self._told = now, done, decisions
+            self._first = self._printed = now, done, decisions
         self._now = now, done, decisions
         self._total, self._unit, self._note = total, unit, note
-        if now - self._told[0] >= EVERY_SECONDS:
-            self._tell()
+        if now - self._printed[0] >= EVERY_SECONDS:
+            self._print()
 
     def close(self) -> None:
         """Write where it ended, unless that was said."""
-        if self._what is not None and self._now != self._told:
-            self._tell()
+        if self._what is not None and self._now != self._printed:
+            self._print()
         self._what = None
 
-    def _tell(self) -> None:
-        (now, done, decisions), (before, _, decisions_before) = self._now, self._told
-        self._told = self._now
+    def _print(self) -> None:
+        (now, done, decisions), (before, _, decisions_before) = self._now, self._printed
+        self._printed = self._now
         of = "" if self._total is None else f" of {self._total:,}"
         parts = [f"{self._what}: {done:,}{of} {self._unit}"]
         if self._unit != "decisions":

@@ -80,7 +80,7 @@ def train(path: str | Path, config: RunConfig | None = None, *, observers: Seque
     folder = None if config else RunFolder.open(path)
     manifest = folder.manifest() if folder else {}
     if folder and manifest["status"] == "finished" and folder.checkpoints():
-        return _told_before(manifest, folder)
+        return _result_before(manifest, folder)
     noted = read_world(manifest, path) if "environment" in manifest else None
     if noted and not noted.repeats:
         raise UsageError(f"{path} cannot be resumed: its environment does not repeat itself from seed and actions")
@@ -259,7 +259,7 @@ def _looked_at(env: Env, config: RunConfig) -> World:
     return world
 
 
-def _told_before(manifest: Mapping[str, Any], folder: RunFolder) -> TrainResult:
+def _result_before(manifest: Mapping[str, Any], folder: RunFolder) -> TrainResult:
     """Return the result that a finished run has noted."""
     try:
         return TrainResult(**manifest["result"] | {"run": str(folder.path)})

@@ -43,7 +43,7 @@ EXPLANATION_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src dat
 """Of a page that has its style and pictures within it."""
 
 LONGEST_MESSAGE = 4096
-ANSWERED = ("goal", "tell")
+ANSWERED = ("goal", "edit")
 """Commands of which the page is told that they were carried out: something was typed for them."""
 REFUSED = 4403
 """What a web socket without the token is closed with."""
@@ -110,8 +110,8 @@ class Guard:
             await receive()
             await send({"type": "websocket.close", "code": REFUSED})  # before it was accepted: 403
         else:
-            told = "403: the address that semrl watch printed is needed, whole\n"
-            await PlainTextResponse(told, status_code=403)(scope, receive, with_headers)
+            refusal = "403: the address that semrl watch printed is needed, whole\n"
+            await PlainTextResponse(refusal, status_code=403)(scope, receive, with_headers)
 
     def _is_let_in(self, scope: Scope) -> bool:
         headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
@@ -173,9 +173,9 @@ class _Page:
 
     async def explanation(self, _: Request) -> Response:
         """Send the page about the decision that is shown."""
-        made, told = await self._made(lambda: render_explanation(self.driver.session.explain()))
-        if told is not None:
-            return told
+        made, problem = await self._made(lambda: render_explanation(self.driver.session.explain()))
+        if problem is not None:
+            return problem
         headers = _named(f"why-{self.driver.session.moment.step.number}.html")
         headers["content-security-policy"] = EXPLANATION_POLICY
         return Response(made, media_type="text/html", headers=headers)
@@ -185,8 +185,8 @@ class _Page:
         kind = request.path_params["kind"]
         if kind not in VIDEO_MOMENTS:
             return PlainTextResponse(f"there is no {kind}, but {' and '.join(VIDEO_MOMENTS)}\n", status_code=404)
-        made, told = await self._made(lambda: self._film(kind))
-        return told or Response(
+        made, problem = await self._made(lambda: self._film(kind))
+        return problem or Response(
             made, media_type="video/mp4" if kind == "mp4" else "image/gif", headers=_named(f"moment.{kind}")
         )
 
@@ -243,8 +243,8 @@ class _Page:
             await self._complain(socket, str(error), about)
 
     async def _complain(self, socket: WebSocket, problem: str, about: object = None) -> None:
-        told = about if isinstance(about, str) else None
-        await socket.send_text(dumps({"type": "problem", "text": problem, "about": told}))
+        command = about if isinstance(about, str) else None
+        await socket.send_text(dumps({"type": "problem", "text": problem, "about": command}))
 
 
 def _named(name: str) -> dict[str, str]:

@@ -78,7 +78,7 @@ class Driver:
             "person": self._set_person,
             "hold": self._hold,
             "goal": self._seek,
-            "tell": lambda value: self.session.tell(edit_of(value)),
+            "edit": lambda value: self.session.edit(edit_of(value)),
         }
 
     def start(self) -> None:
@@ -114,9 +114,9 @@ class Driver:
     def shown(self) -> Shown:
         """Return what is to be shown now; call it in the thread, by `do`."""
         controls = {"playing": self.playing, "speed": self.speed, "trouble": self.trouble}
-        told = of_moment(self.session) | controls
+        message = of_moment(self.session) | controls
         return Shown(
-            text=json.dumps(told, allow_nan=False), picture=picture(self.session.moment.step.observation.frame)
+            text=json.dumps(message, allow_nan=False), picture=picture(self.session.moment.step.observation.frame)
         )
 
     def _run(self) -> None:
@@ -170,8 +170,8 @@ class Driver:
 
     def _between(self, frame: Frame, share: float) -> Shown:
         """Return a picture between two moments, with the boxes so far on their way."""
-        told = {"type": "between", "objects": objects_between(self.session, share)}
-        return Shown(text=json.dumps(told, allow_nan=False), picture=picture(frame))
+        message = {"type": "between", "objects": objects_between(self.session, share)}
+        return Shown(text=json.dumps(message, allow_nan=False), picture=picture(frame))
 
     def _step(self) -> None:
         """Play on, or stand still and say why that cannot be."""

@@ -22,7 +22,7 @@ from semrl.evaluation.video import write_video
 from semrl.knowledge.edits import Edit
 from semrl.training.loop import EpisodeView, Step
 from semrl.watch.keys import action_for, keys_of
-from semrl.watch.teaching import Changed, Pursuit, Teaching, actions_of, told_of
+from semrl.watch.teaching import Changed, Pursuit, Teaching, actions_of, describe_edit
 
 MOST_KEPT = 600
 """Moments that are kept to go back to."""
@@ -174,7 +174,7 @@ class WatchSession:
             self._policy_before = before
         self._plan_again("the goal" if goal else "no goal")
 
-    def tell(self, edit: Edit) -> None:
+    def edit(self, edit: Edit) -> None:
         """Add to what the run knows, or take something back; the next decision heeds it.
 
         Raises
@@ -183,8 +183,8 @@ class WatchSession:
             When it is refused, with the reason.
         """
         self._behind = 0
-        self.teaching.tell(edit)
-        self._plan_again(told_of(edit))
+        self.teaching.add(edit)
+        self._plan_again(describe_edit(edit))
 
     def step(self) -> Moment:
         """Go on by a decision: to the next moment that is kept or, from the newest, by playing.
@@ -302,13 +302,13 @@ class WatchSession:
         if self._policy_before is not None:
             self.decide_by(self._policy_before)
 
-    def _plan_again(self, told: str) -> None:
+    def _plan_again(self, by: str) -> None:
         """Plan anew at the newest moment, and note what became of the plan."""
         record = self._kept[-1].step.record
         before = actions_of(record.plan if record else None)
         self._renew_plan()
         record = self._kept[-1].step.record
-        self.changed = Changed(told=told, before=before, after=actions_of(record.plan if record else None))
+        self.changed = Changed(by=by, before=before, after=actions_of(record.plan if record else None))
 
     def _renew_plan(self) -> None:
         """Let the newest moment be planned in by what is asked and known now."""

@@ -15,7 +15,7 @@ from semrl.evaluation.video import imagined_ways
 from semrl.knowledge.edits import standing
 from semrl.training.loop import Step
 from semrl.watch.session import WatchSession
-from semrl.watch.teaching import told_of
+from semrl.watch.teaching import describe_edit
 from semrl.world_model.rules import sentence
 
 MOST_NODES, MOST_EDGES = 3_000, 6_000
@@ -152,9 +152,9 @@ def objects_between(session: WatchSession, share: float) -> list[dict[str, Any]]
     ]
 
 
-def _track(told: dict[str, Any]) -> str:
+def _track(entry: dict[str, Any]) -> str:
     """Return what an object is called, without the kind that it looks like."""
-    return str(told["name"]).partition(":")[0] or f"of kind {told['kind']}"
+    return str(entry["name"]).partition(":")[0] or f"of kind {entry['kind']}"
 
 
 def _boxed(sight: Sight) -> list[dict[str, Any]]:
@@ -307,17 +307,17 @@ def _words(session: WatchSession) -> dict[str, Any]:
 
 
 def _taught(session: WatchSession) -> dict[str, Any]:
-    """Tell what people have told the run, what of it holds now, and what the last thing made of the plan."""
+    """Return what people have added to the run, what of it holds now, and what the newest of it made of the plan."""
     teaching, names = session.teaching, session.player.action_names
     steps = [m.step for m in session.before(1)]
     left, changed = standing(teaching.log), session.changed
     return {
         "classes": teaching.classes(steps[-1], steps[0]),
-        "edits": [told_of(edit) for edit in left[-EDITS_SHOWN:]],
+        "edits": [describe_edit(edit) for edit in left[-EDITS_SHOWN:]],
         "edits_in_all": len(left),
         "changed": changed
         and {
-            "told": changed.told,
+            "by": changed.by,
             "before": [names[action] for action in changed.before],
             "after": [names[action] for action in changed.after],
         },

@@ -1,4 +1,4 @@
-"""What a person asks of a watched run and tells it: a goal to play for (§2.5), and knowledge that it lacks (§2.4)."""
+"""What a person asks of a watched run and adds to it: a goal to play for (§2.5), and knowledge that it lacks (§2.4)."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -33,7 +33,7 @@ class Pursuit:
     state: State
     """``lost``: what had to be kept was not, so that it can no longer be had in this episode."""
     decisions: int
-    """Since it was told or, after that, since the episode began."""
+    """Since it was asked for or, after that, since the episode began."""
     done: float
     """Share of its stages, 0 … 1."""
     ahead: int | None = None
@@ -44,9 +44,10 @@ class Pursuit:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Changed:
-    """The plan of one moment before and after something was told, as actions."""
+    """The plan of one moment before and after a goal or an edit, as actions."""
 
-    told: str
+    by: str
+    """Which goal or edit."""
     before: tuple[int, ...]
     after: tuple[int, ...]
 
@@ -66,12 +67,12 @@ class Teaching:
     words : RunWords or None
         What can be said of its scenes; None where nothing can, and `trouble` says why.
     log : tuple of Edit
-        What people have told, oldest first.
+        What people have added, oldest first.
 
     Raises
     ------
     UsageError
-        When something was told to the run before that it cannot heed.
+        When something was added to the run before that it cannot heed.
     """
 
     def __init__(self, player: Player, folder: Path) -> None:
@@ -128,7 +129,7 @@ class Teaching:
         """Seek nothing any more."""
         self._watch = self._over = None
 
-    def tell(self, edit: Edit) -> None:
+    def add(self, edit: Edit) -> None:
         """Add an edit to the log; the run heeds it at once.
 
         Raises
@@ -141,7 +142,7 @@ class Teaching:
         self._know(now)
 
     def player(self) -> Player:
-        """Make the player that heeds all that was asked and told; its planning module is the trained one's."""
+        """Make the player that heeds all that was asked and added; its planning module is the trained one's."""
         planning, words = self._trained.planning, self.words
         if planning is None or words is None or self.known is None:
             return self._trained
@@ -181,15 +182,15 @@ class Teaching:
         stages = sum(len(task) for task in watch.goal.tasks)
         state: State = self._over or "sought"
         done = 1.0 if state == "reached" else float(watch.progress.share[0]) / stages
-        told = Pursuit(goal=self._text, state=state, decisions=step.number - self._began, done=done)
+        so_far = Pursuit(goal=self._text, state=state, decisions=step.number - self._began, done=done)
         if not self.seeks or step.record is None or step.record.plan is None:
-            return told
+            return so_far
         imagined = step.record.plan.scenarios.states[:1]
         verdict = watch.judge(imagined, step.record.history.states[0])
         ahead = int(verdict.reached[0])
         distance = float(verdict.distances[0])
         return replace(
-            told,
+            so_far,
             ahead=ahead if ahead <= imagined.shape[1] else None,
             distance=distance if np.isfinite(distance) and distance < 1e5 else None,
         )
@@ -205,7 +206,7 @@ class Teaching:
         return reason(plan)
 
     def classes(self, step: Step, before: Step) -> list[dict[str, Any]]:
-        """Tell the defined classes: what they are, whether they count, and of what of a step they hold."""
+        """Describe the defined classes: what they are, whether they count, and of what of a step they hold."""
         if self.words is None or self.known is None or step.state is None or before.state is None:
             return []
         words = self.known.words
@@ -239,8 +240,8 @@ class Teaching:
             self._classifier = Classifier(known.words)
 
 
-def told_of(edit: Edit) -> str:
-    """Say an edit in a line."""
+def describe_edit(edit: Edit) -> str:
+    """Describe an edit in a line."""
     match edit.do:
         case "add":
             return f"{'forbidden class' if edit.forbidden else 'class'} {edit.name}: {edit.text}"
@@ -253,7 +254,7 @@ def told_of(edit: Edit) -> str:
 
 
 def edit_of(value: object) -> Edit:
-    """Read what a page wants to be told to the run.
+    """Read what a page adds to the run.
 
     Raises
     ------
@@ -275,7 +276,7 @@ def edit_of(value: object) -> Edit:
             return Edit(do="assert", name=text)
         case {"undo": True}:
             return Edit(do="undo")
-    raise UsageError("tell a class and what it is, a class and whether it is on, a fact, or to undo")
+    raise UsageError("give a class and what it is, a class and whether it is on, a fact, or to undo")
 
 
 def actions_of(plan: Plan | None) -> tuple[int, ...]:

@@ -66,12 +66,12 @@ def grow_tree(
         ``(m, 2)`` cut, at and below which it goes left, and mean; ``(m, 2)`` number of rows and mean squared error.
     """
     widths = np.array([len(column) + 1 for column in cuts], np.int64)
-    nodes, chosen, told = _grow(places, widths, targets, drawn, leaf_rows)
+    nodes, chosen, moments = _grow(places, widths, targets, drawn, leaf_rows)
     inner = np.flatnonzero(nodes[:, 0] >= 0)
     numbers = np.zeros((len(nodes), 2), np.float32)
     numbers[inner, 0] = [cuts[column][cut] for column, cut in zip(nodes[inner, 0], chosen[inner], strict=True)]
-    numbers[:, 1] = told[:, 0]
-    return nodes, numbers, told[:, 1:].astype(np.float32)
+    numbers[:, 1] = moments[:, 0]
+    return nodes, numbers, moments[:, 1:].astype(np.float32)
 
 
 @compiled
@@ -85,7 +85,7 @@ def _grow(
     sample, pool = (places, begins, targets * times, times), new_pool(len(rows), begins[-1])
     most = 2 * (len(drawn) // leaf_rows) + 1
     nodes = np.full((most, 2), -1, np.int32)
-    chosen, told = np.zeros(most, np.int64), np.zeros((most, 3))
+    chosen, moments = np.zeros(most, np.int64), np.zeros((most, 3))
     spans = np.zeros((most, 2), np.int64)  # which of the rows belong to a node
     spans[0, 1] = len(rows)
     tallies = np.full(most, NONE)
@@ -96,9 +96,9 @@ def _grow(
         node = waiting.pop()
         begin, end = spans[node]
         mine = rows[begin:end]
-        told[node] = _moments(targets[mine], times[mine])
+        moments[node] = _moments(targets[mine], times[mine])
         column, cut = -1, -1
-        if told[node, 2] > 0 and told[node, 1] >= 2 * leaf_rows:
+        if moments[node, 2] > 0 and moments[node, 1] >= 2 * leaf_rows:
             column, cut = best_cut(mine, tallies[node], sample, pool, leaf_rows)
         if column < 0:
             give_back(tallies[node], pool)
@@ -114,12 +114,12 @@ def _grow(
         waiting.append(larger)
         waiting.append(smaller)  # which is grown first
         size += 2
-    return _level_by_level(nodes[:size], chosen[:size], told[:size])
+    return _level_by_level(nodes[:size], chosen[:size], moments[:size])
 
 
 @compiled
 def _level_by_level(
-    nodes: NDArray[np.int32], chosen: Ints, told: NDArray[np.float64]
+    nodes: NDArray[np.int32], chosen: Ints, moments: NDArray[np.float64]
 ) -> tuple[NDArray[np.int32], Ints, NDArray[np.float64]]:
     """Put the nodes of a tree in the order of their distance from the root: what is often asked lies close together."""
     order, n = np.zeros(len(nodes), np.int64), 1
@@ -132,7 +132,7 @@ def _level_by_level(
             n += 2
     sorted_nodes = nodes[order]
     sorted_nodes[:, 1] = left
-    return sorted_nodes, chosen[order], told[order]
+    return sorted_nodes, chosen[order], moments[order]
 
 
 @compiled

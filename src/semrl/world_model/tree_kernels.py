@@ -48,11 +48,11 @@ def lay_out(states: Floats, actions: Ints, chosen: Ints, relations: Relations) -
 def ask(trees: Trees, rows: Floats) -> Floats:
     """Return what each forest predicts, ``(members, b, k)``, for ``(f, b)`` lanes."""
     nodes, roots = trees
-    told = np.empty((*roots.shape, rows.shape[1]), np.float32)
+    predicted = np.empty((*roots.shape, rows.shape[1]), np.float32)
     lanes = np.arange(rows.shape[1])
     for member in range(roots.shape[0]):
-        _descend((nodes, roots[member : member + 1]), rows, lanes, told[member])
-    return told.transpose(0, 2, 1)
+        _descend((nodes, roots[member : member + 1]), rows, lanes, predicted[member])
+    return predicted.transpose(0, 2, 1)
 
 
 @compiled
@@ -74,8 +74,8 @@ def roll(  # noqa: PLR0917 - compiled functions take no keywords
             chosen[t, s * members : (s + 1) * members] = sequences[order[s], t]
     predicted = np.empty((n, length, dimension), np.float32)
     rewards, values = np.zeros((members, n, length), np.float32), np.zeros((members, n), np.float32)
-    told = predicted, rewards, values
-    _roll_lanes(trees, inertia, (states, actions), (chosen, begins, origins), told, relations)
+    outputs = predicted, rewards, values
+    _roll_lanes(trees, inertia, (states, actions), (chosen, begins, origins), outputs, relations)
     for s in range(1, n):
         begin, origin = begins[s], origins[s]
         predicted[s, :begin], rewards[:, s, :begin] = predicted[origin, :begin], rewards[:, origin, :begin]
@@ -124,7 +124,7 @@ def _roll_lanes(  # noqa: PLR0917 - compiled functions take no keywords
     inertia: Floats,
     past: tuple[Floats, Floats],
     lanes: tuple[Floats, Ints, Ints],
-    told: tuple[Floats, Floats, Floats],
+    outputs: tuple[Floats, Floats, Floats],
     relations: Relations,
 ) -> None:
     """Roll forward, writing the first forest's states, ``(n, t, d)``, rewards, ``(m, n, t)``, and values, ``(m, n)``.
@@ -133,7 +133,7 @@ def _roll_lanes(  # noqa: PLR0917 - compiled functions take no keywords
     then.
     """
     (nodes, roots), (states, actions), (chosen, begins, origins) = trees, past, lanes
-    predicted, rewards, values = told
+    predicted, rewards, values = outputs
     (n, length, dimension), members = predicted.shape, len(roots)
     window, before = _repeated(states, n * members), _repeated(actions, n * members)
     rows = np.empty((width(dimension, len(states), len(actions), relations), n * members), np.float32)
@@ -258,7 +258,7 @@ _AT_ONCE = 512
 
 
 @compiled
-def _descend(trees: Trees, rows: Floats, lanes: Ints, told: Floats) -> None:
+def _descend(trees: Trees, rows: Floats, lanes: Ints, predicted: Floats) -> None:
     """Write what each tree predicts for some lanes, ``(k, n)``, which go down together, a level at a time.
 
     A lane's forest is its number modulo the forests there are. One after the other each step would wait for the one
@@ -291,5 +291,5 @@ def _descend(trees: Trees, rows: Floats, lanes: Ints, told: Floats) -> None:
         count = np.uint64(0)
         for k in some:
             for lane in lanes:
-                told[k, lane] = nodes[np.uint64(at[count])].mean
+                predicted[k, lane] = nodes[np.uint64(at[count])].mean
                 count += np.uint64(1)

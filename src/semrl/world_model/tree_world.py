@@ -197,12 +197,12 @@ class TreeWorld(GrownEnsemble[Experience]):
         changing = [
             f"the change of {name}" if inert else name for name, inert in zip(varying, self.inertia_, strict=True)
         ]
-        told = [*((name, scale) for name in changing), (REWARD, 1.0), (RETURN, 1.0)]
+        subjects = [*((name, scale) for name in changing), (REWARD, 1.0), (RETURN, 1.0)]
         trees = [
             read_tree(
                 self.forests.tree(target), about, columns, actions, most=most, scale=scale, value_scale=value_scale
             )
-            for target, (about, value_scale) in enumerate(told)
+            for target, (about, value_scale) in enumerate(subjects)
         ]
         return RuleBook(trees=tuple(trees), see=self._see)
 

@@ -78,10 +78,10 @@ class Dream:
         -------
         What C sees; the rewards, ``(b,)``, of dreams that had not ended; and which have ended, ``(b,)`` bool.
         """
-        told, self._state = self.model.step(self._state, self._z, actions)
-        self._z = told.sample(self.config.temperature, self._generator)
-        rewards = told.reward * self._alive
-        ends = torch.rand(len(actions), generator=self._generator) < torch.sigmoid(told.done_logit)
+        predicted, self._state = self.model.step(self._state, self._z, actions)
+        self._z = predicted.sample(self.config.temperature, self._generator)
+        rewards = predicted.reward * self._alive
+        ends = torch.rand(len(actions), generator=self._generator) < torch.sigmoid(predicted.done_logit)
         self._alive = self._alive * ~ends
         return self._features(), rewards, self._alive == 0
 

@@ -142,10 +142,10 @@ class MDNRNN:
         optimiser = torch.optim.Adam(self.network.parameters(), lr=c.learning_rate)
         for _ in range(c.updates):
             z, actions, rewards, done, mask = draw(c.batch_size)
-            told, _ = self.network(z[:, :-1], actions, None)
-            error = -told.log_likelihood(z[:, 1:]) / self.latent_size
-            error = error + c.reward_weight * (told.reward - rewards).square()
-            error = error + nn.functional.binary_cross_entropy_with_logits(told.done_logit, done, reduction="none")
+            predicted, _ = self.network(z[:, :-1], actions, None)
+            error = -predicted.log_likelihood(z[:, 1:]) / self.latent_size
+            error = error + c.reward_weight * (predicted.reward - rewards).square()
+            error = error + nn.functional.binary_cross_entropy_with_logits(predicted.done_logit, done, reduction="none")
             loss = (error * mask).sum() / mask.sum()
             optimiser.zero_grad(set_to_none=True)
             loss.backward()
@@ -162,10 +162,10 @@ class MDNRNN:
     def step(self, state: State, z: Tensor, actions: Tensor) -> tuple[Prediction, State]:
         """Foresee what ``actions``, ``(b,)`` int64, lead to at ``z``, ``(b, latent_size)``, and step on."""
         with torch.inference_mode():
-            told, (hidden, cell) = self.network(
+            predicted, (hidden, cell) = self.network(
                 z[:, None], actions[:, None], (state[0][None].contiguous(), state[1][None].contiguous())
             )
-            return Prediction(*(part[:, 0] for part in told)), (hidden[0], cell[0])
+            return Prediction(*(part[:, 0] for part in predicted)), (hidden[0], cell[0])
 
     def to_arrays(self) -> Arrays:
         """Return the weights."""

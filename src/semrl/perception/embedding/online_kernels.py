@@ -117,12 +117,12 @@ def add_vectors(words: Ints, vectors: Floats) -> Floats:
 
 
 @compiled
-def _step(vector: Floats, context: Floats, told: tuple[float, float], change: Floats) -> None:
+def _step(vector: Floats, context: Floats, sample: tuple[float, float], change: Floats) -> None:
     """Move a word's context towards the truth about a document, and note how the document should move.
 
-    What is told: whether the word is in the document (1 or 0), and the learning rate.
+    The sample: whether the word is in the document (1 or 0), and the learning rate.
     """
-    truth, rate = told
+    truth, rate = sample
     score = np.float32(0)
     for k in range(len(vector)):
         score += vector[k] * context[k]

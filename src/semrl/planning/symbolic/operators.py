@@ -58,7 +58,7 @@ class Operator:
 
     def applies(self, state: GridState, present: frozenset[int]) -> bool:
         """Tell whether the conditions hold, given the concepts that there are."""
-        return state.kind == self.kind and all(answer(state, present, ask) == told for ask, told in self.when)
+        return state.kind == self.kind and all(answer(state, present, ask) == value for ask, value in self.when)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -67,12 +67,12 @@ def write_problem(
             facts.append(
                 f"({_relation(offset)} {_cell((row, column))} {_cell(there) if there in cells else _NO_PLACE})"
             )
-    told = [_cell(cell) for cell in cells]
+    objects = [_cell(cell) for cell in cells]
     return "\n".join(
         [
             f"(define (problem {_word(name)}-1)",
             f"  (:domain {_word(name)})",
-            f"  (:objects {' '.join([*told, _NO_PLACE])} - cell)",
+            f"  (:objects {' '.join([*objects, _NO_PLACE])} - cell)",
             "  (:init",
             *(f"    {fact}" for fact in [*facts, f"({concepts[OUTSIDE]} {_NO_PLACE})"]),
             "  )",
@@ -105,7 +105,7 @@ def _offsets(operator: Operator) -> list[Offset]:
 def _action(operator: Operator, name: str, concepts: Mapping[int, str]) -> list[str]:
     effect, offsets = operator.effect, _offsets(operator)
     names = {(0, 0): "?here", **{offset: f"?c{i}" for i, offset in enumerate(offsets)}}
-    told = dict(operator.when)
+    asked = dict(operator.when)
     conditions = ["(own-at ?here)", f"(own-looks-{operator.kind})", "(not (ended))"]
     conditions += [f"({_relation(offset)} ?here {names[offset]})" for offset in offsets]
     for ask, answer in operator.when:
@@ -120,7 +120,7 @@ def _action(operator: Operator, name: str, concepts: Mapping[int, str]) -> list[
     if effect.kind != operator.kind:
         effects += [f"(not (own-looks-{operator.kind}))", f"(own-looks-{effect.kind})"]
     for offset, concept in effect.changes:
-        before = told.get(offset)
+        before = asked.get(offset)
         effects += [f"(not ({word} {names[offset]}))" for known, word in concepts.items() if before in {known, None}]
         effects.append(f"({concepts[concept]} {names[offset]})")
     effects += ["(gained)"] if effect.gain > 0 else []

@@ -98,10 +98,10 @@ def validate(operators: Operators, plan: SymbolicPlan, goal: SymbolicGoal) -> No
         When an operator does not apply, leads elsewhere, or the goal is not met at the end; the message names the step.
     """
     state, before, last = plan.states[0], None, None
-    for number, (operator, told) in enumerate(zip(plan.operators, plan.states[1:], strict=True)):
-        if _after(operators, state, operator, number) != told:
+    for number, (operator, expected) in enumerate(zip(plan.operators, plan.states[1:], strict=True)):
+        if _after(operators, state, operator, number) != expected:
             raise UsageError(f"step {number} of the plan leads elsewhere than the plan says")
-        before, state, last = state, told, operator
+        before, state, last = state, expected, operator
     if not goal.reached(last, before, state):
         raise UsageError("the plan does not reach the goal")
 
@@ -166,7 +166,7 @@ def _targets(operators: Operators, start: GridState, goal: SymbolicGoal) -> set[
     for operator in operators.operators:
         if not goal.reached(operator, None, start):
             continue
-        near = [(ask, told) for ask, told in operator.when if isinstance(ask, tuple) and told >= 0]
+        near = [(ask, answer) for ask, answer in operator.when if isinstance(ask, tuple) and answer >= 0]
         if not near:
             return None
         for (down, right), concept in near[:1]:

@@ -1,4 +1,4 @@
-// The goal that a person types, and what they tell the run: classes, facts, what is forbidden, and the record of it.
+// The goal that a person types, and what they add to the run: classes, facts, what is forbidden, and the record of it.
 import { $, fill, make, number, text } from "./page.js";
 
 let say = () => {};
@@ -10,7 +10,7 @@ export function askable(words, sayIt) { // once, when it is known what can be sa
   for (const id of ["goal-card", "taught-card"]) {
     for (const part of $(id).querySelectorAll("input, button")) part.disabled = !can;
   }
-  if (!can) return text("words", `Nothing can be asked or told: ${words.trouble}.`);
+  if (!can) return text("words", `Nothing can be asked or added: ${words.trouble}.`);
   $("goal").placeholder = words.example;
   $("class-is").placeholder = words.example;
   const lists = [["classes", words.classes], ["numbers", words.numbers], ["roles", words.roles], ["individuals", words.individuals]];
@@ -18,14 +18,14 @@ export function askable(words, sayIt) { // once, when it is known what can be sa
 }
 
 export function answered(message) { // returns whether it was an answer to one of these forms
-  const problem = { goal: "goal-problem", tell: `${asked || "undo"}-problem` }[message.about];
+  const problem = { goal: "goal-problem", edit: `${asked || "undo"}-problem` }[message.about];
   if (!problem) return false;
   const wrong = message.type === "problem";
   text(problem, wrong ? message.text : "");
   $(problem).hidden = !wrong;
   for (const input of $(problem).closest("form")?.querySelectorAll("input[type=text]") ?? []) {
     input.toggleAttribute("aria-invalid", wrong);
-    if (!wrong && message.about === "tell") input.value = "";
+    if (!wrong && message.about === "edit") input.value = "";
   }
   return true;
 }
@@ -39,13 +39,13 @@ export function showTeaching(goal, taught, showStrip) {
   fill($("edits"), taught.edits.length, () => make("li"), (row, i) => {
     if (row.textContent !== taught.edits[i]) row.textContent = taught.edits[i];
   });
-  text("edits-says", taught.edits_in_all ? `${taught.edits_in_all === 1 ? "One edit stands" : `${taught.edits_in_all} edits stand`}, the newest last.` : "Nothing was told yet.");
+  text("edits-says", taught.edits_in_all ? `${taught.edits_in_all === 1 ? "One edit stands" : `${taught.edits_in_all} edits stand`}, the newest last.` : "Nothing was added yet.");
   $("undo").hidden = !taught.edits_in_all;
   $("changed").hidden = !taught.changed;
   if (!taught.changed) return;
-  const { told, before, after } = taught.changed;
+  const { by, before, after } = taught.changed;
   const same = before.join() === after.join();
-  text("changed-says", same ? `The plan is the same with: ${told}` : `What the plan became with: ${told}`);
+  text("changed-says", same ? `The plan is the same with: ${by}` : `What the plan became with: ${by}`);
   for (const [id, actions] of [["plan-before", before], ["plan-after", after]]) {
     showStrip($(id), actions.map((action) => ({ action, reward: 0 })));
     $(id).setAttribute("aria-label", `${id === "plan-before" ? "Before" : "Now"}: ${actions.join(", ") || "no plan"}`);
@@ -75,7 +75,7 @@ const count = (n, what) => `${n.toLocaleString("en")} ${what}${n === 1 ? "" : "s
 function classRow() {
   const box = make("input");
   box.type = "checkbox";
-  box.onchange = () => tell("undo", { class: box.dataset.name, on: box.checked });
+  box.onchange = () => edit("undo", { class: box.dataset.name, on: box.checked });
   return make("li", make("label", box, make("b"), make("span")), make("span"));
 }
 
@@ -91,9 +91,9 @@ function showClass(row, { name, condition, comment, forbidden, on, holds }) {
   row.className = `${on ? "" : "off"} ${forbidden && holds === true ? "entered" : ""}`;
 }
 
-function tell(form, value) {
+function edit(form, value) {
   asked = form;
-  say("tell", value);
+  say("edit", value);
 }
 
 $("goal-form").onsubmit = (event) => {
@@ -103,10 +103,10 @@ $("goal-form").onsubmit = (event) => {
 $("goal-drop").onclick = () => say("goal", null);
 $("class-form").onsubmit = (event) => {
   event.preventDefault();
-  tell("class", { class: $("class-name").value, is: $("class-is").value, forbidden: $("class-forbidden").checked, of_things: $("class-of-things").checked });
+  edit("class", { class: $("class-name").value, is: $("class-is").value, forbidden: $("class-forbidden").checked, of_things: $("class-of-things").checked });
 };
 $("fact-form").onsubmit = (event) => {
   event.preventDefault();
-  tell("fact", { fact: $("fact").value });
+  edit("fact", { fact: $("fact").value });
 };
-$("undo").onclick = () => tell("undo", { undo: true });
+$("undo").onclick = () => edit("undo", { undo: true });

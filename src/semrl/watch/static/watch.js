@@ -31,17 +31,17 @@ function hear(message) {
 
 async function receive(data) {
   const length = new DataView(data).getUint32(0);
-  const told = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
+  const message = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
   const picture = await createImageBitmap(new Blob([new Uint8Array(data, 4 + length)]));
   if (bitmap) bitmap.close();
-  if (told.type === "between") {
-    [between, bitmap] = [told.objects, picture];
+  if (message.type === "between") {
+    [between, bitmap] = [message.objects, picture];
     return refresh();
   }
   between = null;
-  if (!moment && told.newest === 0 && !matchMedia("(prefers-reduced-motion: reduce)").matches) say("play");
-  [moment, bitmap] = [told, picture];
-  remember(told);
+  if (!moment && message.newest === 0 && !matchMedia("(prefers-reduced-motion: reduce)").matches) say("play");
+  [moment, bitmap] = [message, picture];
+  remember(message);
   refresh();
 }
 
@@ -62,18 +62,18 @@ function complain(text, lasting = false) {
   if (!lasting) quiet = setTimeout(() => ($("problem").hidden = true), 8000);
 }
 
-function introduce(told) {
-  about = told;
-  document.title = `${told.run} · semrl watch`;
-  text("run", told.run);
-  text("about", `${told.env}, model ${told.model}, ${told.decisions.toLocaleString("en")} decisions learned`);
-  fill($("policy"), told.policies.length, () => document.createElement("option"), (option, i) => {
-    option.value = option.textContent = told.policies[i];
+function introduce(run) {
+  about = run;
+  document.title = `${run.run} · semrl watch`;
+  text("run", run.run);
+  text("about", `${run.env}, model ${run.model}, ${run.decisions.toLocaleString("en")} decisions learned`);
+  fill($("policy"), run.policies.length, () => document.createElement("option"), (option, i) => {
+    option.value = option.textContent = run.policies[i];
   });
-  $("map-card").hidden = !told.map;
-  const keys = told.actions.map((name, i) => `${told.keys[i].map(keyName).join(" + ") || "nothing"}: ${name}`);
-  text("keys", `Hold ${keys.join(" · ")}. While no key is held that means something, ${told.keys.some((k) => !k.length) ? "the game waits" : "the other one decides"}. Escape gives the joystick back.`);
-  askable(told.words, say);
+  $("map-card").hidden = !run.map;
+  const keys = run.actions.map((name, i) => `${run.keys[i].map(keyName).join(" + ") || "nothing"}: ${name}`);
+  text("keys", `Hold ${keys.join(" · ")}. While no key is held that means something, ${run.keys.some((k) => !k.length) ? "the game waits" : "the other one decides"}. Escape gives the joystick back.`);
+  askable(run.words, say);
   text("fact-value", about.unit === 0.01 ? "value, %" : "value");
   refresh();
 }
@@ -81,8 +81,8 @@ function introduce(told) {
 const KEY_NAMES = { " ": "space", ArrowUp: "↑", ArrowDown: "↓", ArrowLeft: "←", ArrowRight: "→", "": "(no key)" };
 const keyName = (key) => KEY_NAMES[key] ?? key;
 
-function remember(told) {
-  curve.set(told.number, told.return);
+function remember(shown) {
+  curve.set(shown.number, shown.return);
   if (curve.size > MAX_CURVE) curve.delete(Math.min(...curve.keys()));
 }
 
@@ -140,9 +140,9 @@ function showValues(values) {
   const all = values?.of ?? [];
   const low = Math.min(0, ...all), high = Math.max(0, ...all), span = high - low || 1;
   fill($("values"), all.length, valueRow, (row, i) => {
-    const [name, bar, told] = row.children;
+    const [name, bar, value] = row.children;
     name.textContent = about.actions[i];
-    told.textContent = number(all[i], 3);
+    value.textContent = number(all[i], 3);
     row.className = i === values.best ? "best" : "";
     bar.firstChild.style.left = `${(100 * (Math.min(all[i], 0) - low)) / span}%`;
     bar.firstChild.style.width = `${(100 * Math.abs(all[i])) / span}%`;

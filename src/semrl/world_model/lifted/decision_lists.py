@@ -80,11 +80,11 @@ def read_lists(rows: Floats, targets: Floats, about: About, n_actions: int) -> l
 def joined_lists(lists: Sequence[Sequence[Rule]]) -> list[Rule]:
     """Join the rules of several concepts; first, and of rewards alone, the one that tells best of them."""
 
-    def told(rules: Sequence[Rule]) -> float:
+    def explained(rules: Sequence[Rule]) -> float:
         said = [rule for rule in rules if rule.about == REWARD and rule.conditions != _OTHERWISE]
         return sum((rule.right or 0) ** 2 / max(rule.decisions, 1) for rule in said)
 
-    best = max(range(len(lists)), key=lambda i: told(lists[i]), default=-1)
+    best = max(range(len(lists)), key=lambda i: explained(lists[i]), default=-1)
     rewards = [rule for rule in lists[best] if rule.about == REWARD] if best >= 0 else []
     ordered = sorted(range(len(lists)), key=lambda i: i != best)
     return rewards + [rule for i in ordered for rule in lists[i] if rule.about != REWARD]

@@ -20,7 +20,7 @@ Seen = tuple[Floats, Floats]
 
 _FEWEST = 20  # sightings that trees are grown from
 _FEWEST_ENTRIES = 5  # successors that were seen to come in
-_ENTRY_PX = 3.0  # or decisions; what comes in so near to where and when it is expected was foretold
+_ENTRY_PX = 3.0  # or decisions; what comes in so near to where and when it is expected was predicted
 _GOOD_SHARE = 0.9  # of what the best explains
 
 
@@ -55,7 +55,7 @@ class Member(NamedTuple):
 def grow_member(
     seen: dict[int, Seen],
     concepts: int,
-    teller: int,
+    reward_concept: int,
     config: LiftedConfig,
     rng: np.random.Generator,
     *,
@@ -69,8 +69,8 @@ def grow_member(
         Concept → what was seen of its things.
     concepts
         How many numbers of concepts there are.
-    teller
-        The concept that tells of rewards; −1: none.
+    reward_concept
+        The concept that rewards are credited to; −1: none.
     config
         Fewest sightings in leaves.
     rng
@@ -87,7 +87,8 @@ def grow_member(
         share = config.draw_share if draws else 1.0
         drawn = np.sort(rng.choice(len(rows), max(round(share * len(rows)), 1), replace=False))
         grown = {
-            k: _grow((places, cuts, rows), targets, drawn, k, config) for k in range(5 if concept == teller else 3)
+            k: _grow((places, cuts, rows), targets, drawn, k, config)
+            for k in range(5 if concept == reward_concept else 3)
         }
         grown |= _entries((places, cuts, rows), targets, drawn, config)
         for target, nodes in grown.items():
@@ -101,7 +102,7 @@ def grow_member(
 def _entries(
     sight: tuple[NDArray[np.uint16], list[Floats], Floats], targets: Floats, drawn: Ints, config: LiftedConfig
 ) -> dict[int, NDArray[Any]]:
-    """Grow trees of where and when successors come in; none where they mostly come in somewhere else than foretold."""
+    """Grow trees of where and when successors come in; none where they mostly come in somewhere else than predicted."""
     places, cuts, rows = sight
     vanished = drawn[targets[drawn, 2] > 0]
     drawn = vanished[~np.isnan(targets[vanished, ENTRY])]
@@ -111,24 +112,26 @@ def _entries(
     for target in range(ENTRY, len(TARGETS)):
         wanted = np.nan_to_num(targets[:, target]).astype(np.float64)
         grown[target] = _pruned(grow_tree(places, cuts, wanted, drawn, config.leaf_things), config.least_gain_px2)
-        right &= np.abs(_told(grown[target], rows[drawn]) - wanted[drawn]) <= _ENTRY_PX
+        right &= np.abs(_predicted(grown[target], rows[drawn]) - wanted[drawn]) <= _ENTRY_PX
     return grown if 2 * right.sum() >= len(vanished) else {}
 
 
-def find_teller(seen: dict[int, Seen], config: LiftedConfig) -> int:
+def find_reward_concept(seen: dict[int, Seen], config: LiftedConfig) -> int:
     """Return the concept that rewards are credited to, by trees of one half of the play for the other; −1: none.
 
     Of those whose things tell of rewards nearly as well as the best, it is the one that needs the fewest cuts of what
     relates it to others: "the ball is beyond its edge" and "the ball is so far from the paddle" may both have held
     whenever a reward came, and the farther-fetched fails first elsewhere.
     """
-    told = {concept: _tells(*of, config) for concept, of in seen.items() if len(of[0]) >= _FEWEST and of[1][:, 3].any()}
-    most = max((explained for explained, _ in told.values()), default=0.0)
-    good = [concept for concept, (explained, _) in told.items() if explained > 0 and explained >= _GOOD_SHARE * most]
-    return min(good, key=lambda concept: (told[concept][1], -told[concept][0]), default=-1)
+    fits = {
+        concept: _explains(*of, config) for concept, of in seen.items() if len(of[0]) >= _FEWEST and of[1][:, 3].any()
+    }
+    most = max((explained for explained, _ in fits.values()), default=0.0)
+    good = [concept for concept, (explained, _) in fits.items() if explained > 0 and explained >= _GOOD_SHARE * most]
+    return min(good, key=lambda concept: (fits[concept][1], -fits[concept][0]), default=-1)
 
 
-def _tells(rows: Floats, targets: Floats, config: LiftedConfig) -> tuple[float, int]:
+def _explains(rows: Floats, targets: Floats, config: LiftedConfig) -> tuple[float, int]:
     """Return how much of the rewards (squared) trees explain that did not see them, and their cuts of relations."""
     rewards = targets[:, 3].astype(np.float64)
     places, cuts = bins_of(rows)
@@ -138,8 +141,8 @@ def _tells(rows: Floats, targets: Floats, config: LiftedConfig) -> tuple[float, 
         grown = grow_tree(places, cuts, rewards, np.flatnonzero(half != fold), config.leaf_things)
         nodes = _pruned(grown, config.least_gain)
         tested = half == fold
-        told = _told(nodes, rows[tested])
-        explained += float((rewards[tested] ** 2 - (rewards[tested] - told) ** 2).sum())
+        predicted = _predicted(nodes, rows[tested])
+        explained += float((rewards[tested] ** 2 - (rewards[tested] - predicted) ** 2).sum())
         related += int(np.count_nonzero(nodes["column"] >= N_OWN))
     return explained, related
 
@@ -203,9 +206,9 @@ def _leaf(nodes: NDArray[Any], row: Floats) -> int:
 
 
 @compiled
-def _told(nodes: NDArray[Any], rows: Floats) -> Floats:
+def _predicted(nodes: NDArray[Any], rows: Floats) -> Floats:
     """Return what a tree predicts for rows."""
-    told = np.empty(len(rows), np.float32)
+    predicted = np.empty(len(rows), np.float32)
     for i in range(len(rows)):
-        told[i] = nodes[_leaf(nodes, rows[i])].mean
-    return told
+        predicted[i] = nodes[_leaf(nodes, rows[i])].mean
+    return predicted

@@ -62,8 +62,8 @@ def roll(  # noqa: PLR0917 - compiled functions take no keywords
                 for t in range(begin + 1):
                     scenes[s, t], over[s, t] = scenes[origin, t], over[origin, t]
                 rewards[member, s, :begin] = rewards[member, origin, :begin]
-            told = scenes[s], over[s], rewards[member, s]
-            _roll_one((nodes, roots[member]), kinds, (past, sequences[s]), begin, told, relations)
+            outputs = scenes[s], over[s], rewards[member, s]
+            _roll_one((nodes, roots[member]), kinds, (past, sequences[s]), begin, outputs, relations)
             if not over[s, length]:
                 values[member, s] = _value((nodes, roots[member]), kinds, (past, sequences[s]), scenes[s, length],
                                            relations)  # fmt: skip
@@ -82,11 +82,11 @@ def _roll_one(  # noqa: PLR0917 - compiled functions take no keywords
     kinds: Kinds,
     acted: tuple[Floats, Ints],
     begin: int,
-    told: tuple[Floats, NDArray[np.bool_], Floats],
+    outputs: tuple[Floats, NDArray[np.bool_], Floats],
     relations: int,
 ) -> None:
     """Roll one sequence forward from a decision on, writing scenes, whether it is over, and rewards."""
-    scenes, over, rewards = told
+    scenes, over, rewards = outputs
     row, actions = np.empty(width(relations), np.float32), np.empty(PAST_ACTIONS + 1, np.float32)
     for t in range(begin, len(rewards)):
         scenes[t + 1], over[t + 1], rewards[t] = scenes[t], over[t], 0

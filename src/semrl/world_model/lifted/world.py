@@ -18,7 +18,7 @@ from semrl.world_model.ensemble import GrownEnsemble
 from semrl.world_model.lifted.config import LiftedConfig
 from semrl.world_model.lifted.decision_lists import About, joined_lists, read_lists
 from semrl.world_model.lifted.features import PAST_ACTIONS, Kinds
-from semrl.world_model.lifted.growing import Member, Seen, find_teller, grow_member
+from semrl.world_model.lifted.growing import Member, Seen, find_reward_concept, grow_member
 from semrl.world_model.lifted.play import Play
 from semrl.world_model.lifted.rolling import Trees, roll
 from semrl.world_model.rules import Rule
@@ -51,11 +51,11 @@ class LiftedWorld(GrownEnsemble[Play]):
     Attributes
     ----------
     kinds_ : Kinds
-        Which concepts move, by actions or not, and which relation tells of them, when the trees were grown.
+        Which concepts move, by actions or not, and which relation is about them, when the trees were grown.
     families_ : ndarray
         ``(r,)`` int64: a concept of the family that each relation is about.
-    teller_ : int
-        The concept that tells of rewards; −1: none.
+    reward_concept_ : int
+        The concept that rewards are credited to; −1: none.
     grown_ : ndarray
         ``(members,)`` int64, decisions after which each member was grown; 0 before.
     """
@@ -81,7 +81,7 @@ class LiftedWorld(GrownEnsemble[Play]):
         self._learns_concepts = True
         self.kinds_ = Kinds(np.zeros(0, np.int64), np.zeros(0, np.bool_), np.zeros(0, np.bool_))
         self.families_: Ints = np.zeros(0, np.int64)
-        self.teller_ = -1
+        self.reward_concept_ = -1
         self._saved_lists: list[Rule] = []
         self._members: list[Member] = []
         self._trees: list[Trees] = []
@@ -179,7 +179,7 @@ class LiftedWorld(GrownEnsemble[Play]):
     def inference_arrays(self) -> Arrays:
         """Return the trees, and the concepts where they are learned here."""
         own = {
-            "counts": np.array([self.seen_, self.teller_, *self.grown_]),
+            "counts": np.array([self.seen_, self.reward_concept_, *self.grown_]),
             "families": self.families_,
             "rules": json_to_array([asdict(rule) for rule in self._lists()]),
             **nest(kinds=self.kinds_._asdict()),
@@ -194,7 +194,7 @@ class LiftedWorld(GrownEnsemble[Play]):
             self.play.from_arrays(play)
         if concepts := unnest(arrays, "concepts"):
             self.concepts.from_arrays(concepts)
-        self.seen_, self.teller_ = (int(number) for number in arrays["counts"][:2])
+        self.seen_, self.reward_concept_ = (int(number) for number in arrays["counts"][:2])
         self.grown_ = arrays["counts"][2:].copy()
         self._saved_lists = [
             Rule(**each | {"conditions": tuple(each["conditions"])}) for each in array_to_json(arrays["rules"])
@@ -258,16 +258,16 @@ class LiftedWorld(GrownEnsemble[Play]):
         return super()._is_due(seen) and self.concepts.is_fitted
 
     def _prepared(self, memory: Play, rng: np.random.Generator) -> tuple[Callable[[int | None], None], bool]:
-        c, before = self.config, (*self.kinds_, self.families_, np.array(self.teller_))
-        told = {concept: _some(rows, c.most_rows, rng) for concept, rows in self.training_set(memory).items()}
-        self.teller_ = find_teller(told, c)
-        after = *self.kinds_, self.families_, np.array(self.teller_)
+        c, before = self.config, (*self.kinds_, self.families_, np.array(self.reward_concept_))
+        seen = {concept: _some(rows, c.most_rows, rng) for concept, rows in self.training_set(memory).items()}
+        self.reward_concept_ = find_reward_concept(seen, c)
+        after = *self.kinds_, self.families_, np.array(self.reward_concept_)
 
         def grow(member: int | None) -> None:
             if member is None:
                 self._members = [Member.empty()] * c.members
             for i in range(c.members) if member is None else (member,):
-                self._members[i] = grow_member(told, len(self.concepts), self.teller_, c, rng, draws=i > 0)
+                self._members[i] = grow_member(seen, len(self.concepts), self.reward_concept_, c, rng, draws=i > 0)
             self._pack()
 
         return grow, all(np.array_equal(old, new) for old, new in zip(before, after, strict=True))

@@ -148,7 +148,7 @@ def ending(e: Explanation, scenario: ImaginedScenario) -> str:
     return f"node {scenario.end_node}, {where}"
 
 
-def told(part: PlanFeature) -> str:
+def plan_feature(part: PlanFeature) -> str:
     """Say a part of what the agent is shown of the plan."""
     if part.part == "actions":
         return compact(part.names)
