@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from semrl.core.errors import SemrlWarning, UsageError
-from semrl.knowledge.consistency import fewer, asserted_axioms
+from semrl.knowledge.consistency import asserted_axioms, fewer
 from semrl.knowledge.ontology import Ontology, Role
 from semrl.knowledge.owl import to_triples, write_owl
 from semrl.knowledge.writing import write_condition
@@ -95,12 +95,12 @@ def _reason(words: Ontology, name: str) -> str:
 
 def _without_each(words: Ontology) -> Iterator[tuple[str, Ontology]]:
     """Yield each axiom, in words, and the ontology without it."""
-    told = set(asserted_axioms(words))
+    all_axioms = set(asserted_axioms(words))
     for fields in fewer(words):
         less = replace(words, **fields)
         left = set(asserted_axioms(less))
-        if left < told:
-            yield ", ".join(sorted(told - left)), less
+        if left < all_axioms:
+            yield ", ".join(sorted(all_axioms - left)), less
     for place, role in enumerate(words.roles):
         for text, changed in _weaker(role):
             others = (*words.roles[:place], changed, *words.roles[place + 1 :])

@@ -96,10 +96,10 @@ class CellConcepts:
 
     @cached_property
     def _concept_of_shape(self) -> dict[Shape, int]:
-        told: dict[Shape, set[int]] = {}
+        by_shape: dict[Shape, set[int]] = {}
         for kind, concept in self.concept_of.items():
-            told.setdefault(self.looks.shape(kind), set()).add(concept)
-        return {shape: min(concepts) for shape, concepts in told.items() if shape and len(concepts) == 1}
+            by_shape.setdefault(self.looks.shape(kind), set()).add(concept)
+        return {shape: min(concepts) for shape, concepts in by_shape.items() if shape and len(concepts) == 1}
 
     def _concept(self, kind: int) -> int:
         """Return the concept of a kind, which may be new: that of what is of the same shape."""

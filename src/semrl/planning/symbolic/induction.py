@@ -96,7 +96,7 @@ def _all_ways(operator: Operator, turning: Turning) -> Iterator[Operator]:
         return
     for kind, quarters in turning.quarters.items():
         when: list[Literal] = [
-            (turned_offset(ask, quarters) if isinstance(ask, tuple) else ask, told) for ask, told in operator.when
+            (turned_offset(ask, quarters) if isinstance(ask, tuple) else ask, value) for ask, value in operator.when
         ]
         yield replace(operator, kind=kind, when=tuple(when), effect=_turned(operator.effect, turning, quarters))
 
@@ -108,11 +108,11 @@ def _questions(samples: _Samples) -> tuple[Ask, ...]:
         return ()
     asks = _asks(samples)
     answers = np.array([[answer(state, signed(state.cells), ask) for ask in asks] for state, _ in samples], np.int64)
-    told = np.array([effects[effect] for _, effect in samples])
+    outcomes = np.array([effects[effect] for _, effect in samples])
     counts = np.array(list(samples.values()))
 
     def wrong(*places: int) -> float:
-        return _wrong(answers[:, list(places)], told, counts)
+        return _wrong(answers[:, list(places)], outcomes, counts)
 
     first = min(range(len(asks)), key=wrong)
     if wrong(first) < 1:
@@ -122,7 +122,7 @@ def _questions(samples: _Samples) -> tuple[Ask, ...]:
 
 
 def _asks(samples: _Samples) -> list[Ask]:
-    """Return all questions, those first that are asked rather than others that tell as much."""
+    """Return all questions, those first that are asked rather than others that say as much."""
     offsets: list[Offset] = [
         (down, right) for down in range(-_REACH, _REACH + 1) for right in range(-_REACH, _REACH + 1)
     ]
@@ -132,12 +132,12 @@ def _asks(samples: _Samples) -> list[Ask]:
     return [*near, *concepts, *offsets[len(near) :]]
 
 
-def _wrong(answers: Ints, told: Ints, counts: Ints) -> float:
+def _wrong(answers: Ints, outcomes: Ints, counts: Ints) -> float:
     """Return how many samples have another effect than most with the same answers, and what the answers cost."""
-    lowest, most = answers.min(axis=0), int(told.max()) + 1
+    lowest, most = answers.min(axis=0), int(outcomes.max()) + 1
     widths = answers.max(axis=0) - lowest + 1
     group = np.ravel_multi_index(tuple((answers - lowest).T), tuple(widths))
-    table = np.bincount(group * most + told, weights=counts, minlength=int(widths.prod()) * most).reshape(-1, most)
+    table = np.bincount(group * most + outcomes, weights=counts, minlength=int(widths.prod()) * most).reshape(-1, most)
     likeliest = table.max(axis=1)
     return float(counts.sum() - likeliest.sum()) + _OPERATOR_COST * int((likeliest > 0).sum())
 

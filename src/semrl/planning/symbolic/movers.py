@@ -50,8 +50,10 @@ def own_kinds(plays: Sequence[Ints], frames: Mapping[int, int], single: Set[int]
     own = _most_moved(moves, [pair for pair in turns if pair[::-1] in turns], single)
     own_shapes = {looks.shape(kind) for kind in own}
     beneath = {
-        kind: max((shape for shape in told if shape not in own_shapes), key=lambda shape: told[shape], default=None)
-        for kind, told in reveals.items()
+        kind: max(
+            (shape for shape in revealed if shape not in own_shapes), key=lambda shape: revealed[shape], default=None
+        )
+        for kind, revealed in reveals.items()
         if kind in own
     }
     usual = Counter[Shape | None]()

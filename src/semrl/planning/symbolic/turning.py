@@ -68,7 +68,7 @@ def turned_offset(offset: Offset, quarters: int) -> Offset:
 def learn_turning(kinds: Set[int], moves: Iterable[tuple[int, Offset]]) -> Turning:
     """Find the ways to face from where a thing of each kind went: there are four, each straight on along its own way.
 
-    The fourth is told by the three others.
+    The fourth follows from the three others.
 
     Parameters
     ----------
@@ -81,8 +81,8 @@ def learn_turning(kinds: Set[int], moves: Iterable[tuple[int, Offset]]) -> Turni
     for kind, move in moves:
         if move != (0, 0):
             went.setdefault(kind, Counter())[move] += 1
-    ahead = {kind: told.most_common(1)[0][0] for kind, told in went.items()}
-    astray = any(told[ahead[kind]] < _MOSTLY * told.total() for kind, told in went.items())
+    ahead = {kind: ways.most_common(1)[0][0] for kind, ways in went.items()}
+    astray = any(ways[ahead[kind]] < _MOSTLY * ways.total() for kind, ways in went.items())
     if astray or len(kinds) != _TURNS or len(ahead) < _TURNS - 1:
         return Turning()
     first = ahead[min(ahead)]
