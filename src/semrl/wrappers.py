@@ -29,7 +29,7 @@ class SemanticObservation(gym.ObservationWrapper[NDArray[Any], Any, Any], gym.ut
         ``objects-map``; ``birch`` has no vectors), or its `Encoder`, which stays as it is.
     output
         ``"vector"``: the embedding of the scene, or the slots of tracked objects, and its difference to the
-        previous one (§3.2.3), ``(2 d,)`` float32; `feature_names` tells which number is what. ``"labels"``: every pixel
+        previous one (§3.2.3), ``(2 d,)`` float32; `feature_names` says which number is what. ``"labels"``: every pixel
         in the grey level of its object's class, ``(84, 84, 1)`` uint8.
 
     Attributes
@@ -134,7 +134,7 @@ class SemanticVectorObservation(gym.vector.VectorWrapper):
     ------
     UsageError
         When the frames are no RGB images, the run has not learned to write scenes as vectors or was trained on another
-        Atari game (which environments in other processes do not tell), or environments do not begin anew by themselves
+        Atari game (which environments in other processes do not say), or environments do not begin anew by themselves
         (Gymnasium's autoreset modes at the next and in the same step; of the latter ``final_obs`` is elevated as well).
 
     Examples
@@ -158,7 +158,7 @@ class SemanticVectorObservation(gym.vector.VectorWrapper):
         _check_frames(env.single_observation_space)
         self.encoder = load_encoder(encoder) if isinstance(encoder, str | Path) else encoder
         _check_learned(self.encoder, "vector")
-        for single in getattr(env.unwrapped, "envs", ()):  # those in other processes do not tell their game
+        for single in getattr(env.unwrapped, "envs", ()):  # those in other processes do not name their game
             _check_game(self.encoder, rom_name(single))
         self.feature_names = _feature_names(self.encoder)
         self.single_observation_space = _vector_space(self.encoder)

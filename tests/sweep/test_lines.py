@@ -19,4 +19,4 @@ def test_the_queue_tells_how_far_its_runs_are(tmp_path, tiny):
     queue._print()
     queue._print()
     assert len(said) == 2 and re.match(r"otsu-whole: .* agent: 10 of 10 decisions", said[0])
-    assert said[1] == "otsu-none: has not told yet how far it is"
+    assert said[1] == "otsu-none: has not reported yet how far it is"

@@ -136,7 +136,7 @@ def test_without_a_note_a_run_cannot_be_read(tiny, tmp_path, objects_run):
     (run.path / "checkpoints" / name.name).write_bytes(name.read_bytes())
     for damage in ({}, {"environment": None}, {"environment": manifest["environment"] | {"actions": 3}}):
         run.write_manifest({**{k: v for k, v in manifest.items() if k != "environment"}, **damage})
-        with pytest.raises(UsageError, match="does not tell which environment was played"):
+        with pytest.raises(UsageError, match="does not say which environment was played"):
             load_player(run.path)
 
 

@@ -1,7 +1,7 @@
 """The Q-network of vectors without the framework: the same weights, in compiled code on the CPU.
 
 Forwards, for one state or a batch, and backwards with Adam. Weights and the constants of the input are the memory of
-PyTorch's tensors, so neither side has to be told what the other did. Results differ from PyTorch's in the order of sums
+PyTorch's tensors, so neither side has to know what the other did. Results differ from PyTorch's in the order of sums
 alone. PyTorch's own Adam is not asked for: to make one takes it seconds.
 """
 
@@ -21,7 +21,7 @@ from semrl.agents.vector_kernels import activate, adam, loss_and_gradient, move_
 from semrl.core import Floats, Ints
 from semrl.core.arrays import Arrays, nest, unnest
 
-_UNWARNED = np.errstate(over="ignore", invalid="ignore")  # of a loss that is no number the agent tells
+_UNWARNED = np.errstate(over="ignore", invalid="ignore")  # of a loss that is no number the agent warns
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -44,7 +44,7 @@ class CompareArguments:
 
 
 def main(argv: Sequence[str]) -> None:
-    """Parse, compare, tell."""
+    """Parse, compare, print."""
     arguments = parse(CompareArguments, argv, command="compare")
     if arguments.most < 1:
         raise UsageError(f"--most must be 1 or more, not {arguments.most}")

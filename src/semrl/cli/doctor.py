@@ -25,7 +25,7 @@ COLUMNS = ("package", "installed", "needed", "for")
 
 
 def main(argv: Sequence[str]) -> None:
-    """Parse, look, tell.
+    """Parse, look, print.
 
     Raises
     ------
@@ -54,7 +54,7 @@ class _Parser(argparse.ArgumentParser):
         raise UsageError(f"{message}; see semrl doctor --help")
 
     def print_help(self, file: Any = None) -> None:
-        print(self.format_help(), end="", file=file)  # argparse would not tell that it cannot be written
+        print(self.format_help(), end="", file=file)  # argparse would not say that it cannot be written
 
 
 def _parse(argv: Sequence[str]) -> argparse.Namespace:
@@ -120,13 +120,13 @@ def _problem(name: str, installed: str | None, needed: str, *, used: bool) -> st
     try:
         from packaging.specifiers import SpecifierSet
     except ImportError:
-        return None  # the package that compares versions is missing itself, and told
+        return None  # the package that compares versions is missing itself, and reported
     return None if SpecifierSet(needed).contains(installed, prereleases=True) else f"{installed} is not {needed}"
 
 
 @contextlib.contextmanager
 def _no_logging() -> Iterator[None]:
-    """Keep packages from telling what they make of this machine while they are imported."""
+    """Keep packages from printing what they make of this machine while they are imported."""
     before = logging.root.manager.disable
     logging.disable()
     try:

@@ -56,7 +56,7 @@ class EvalArguments:
 
 
 def main(argv: Sequence[str]) -> None:
-    """Parse, play, tell."""
+    """Parse, play, print."""
     arguments = parse(EvalArguments, argv, command="eval")
     config = RunFolder.open(arguments.run).config()
     episodes = config.evaluation.episodes if arguments.episodes is None else arguments.episodes

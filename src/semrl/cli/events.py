@@ -43,7 +43,7 @@ class EventsArguments:
 
 
 def main(argv: Sequence[str]) -> None:
-    """Parse, play, tell."""
+    """Parse, play, print."""
     arguments = parse(EventsArguments, argv, command="events")
     if unknown := [kind for kind in arguments.kinds if kind not in KINDS]:
         raise UsageError(f"there is no kind of event '{unknown[0]}'; there are {', '.join(KINDS)}")

@@ -27,7 +27,7 @@ class ExplainArguments:
     """Explain one decision of a run with a map: what was seen, where on the map that is, which way leads to a gain,
     what might come, what was done and why, and what really came.
 
-    Episodes are those of semrl eval with the same seed, policy and conditions; it tells when the rewards of each fell.
+    Episodes are those of semrl eval with the same seed, policy and conditions; it prints when the rewards of each fell.
     Episode 0 is the one that its video shows, with the number of each decision under the picture. Numbers of the state
     are in the units of semrl rules: percent of the image, RAM features in the emulator's pixels.
 
@@ -57,10 +57,10 @@ class ExplainArguments:
 
 
 def main(argv: Sequence[str]) -> None:
-    """Parse, play to the decision, write, tell."""
+    """Parse, play to the decision, write, print."""
     arguments = parse(ExplainArguments, argv, command="explain")
     if arguments.html:
-        require_writable(arguments.html)  # what cannot be written is told before anything is played
+        require_writable(arguments.html)  # what cannot be written is refused before anything is played
     asked = {"exploration": arguments.exploration, "sticky_actions": arguments.sticky_actions}
     with error_console.status(f"playing to decision {arguments.step} of episode {arguments.episode}"):
         explanation = explain(

@@ -41,7 +41,7 @@ class ExportArguments:
 
 
 def main(argv: Sequence[str]) -> None:
-    """Parse, play, write, tell."""
+    """Parse, play, write, print."""
     arguments = parse(ExportArguments, argv, command="export")
     with error_console.status(f"playing {arguments.run}"):
         made = export_play(

@@ -57,7 +57,7 @@ class KnowledgeArguments:
 
 
 def main(argv: Sequence[str]) -> None:
-    """Parse, edit, tell."""
+    """Parse, edit, print."""
     arguments = parse(KnowledgeArguments, argv, command="knowledge")
     _check(arguments)
     edit = _edit(arguments)

@@ -20,7 +20,7 @@ from semrl.core.signals import handling
 COMMANDS = {
     "train": ("train", "learn to see, then to play; resumable"),
     "eval": ("evaluate", "play with a trained run, with a video on request"),
-    "play": ("play", "play for a goal that is told, without training for it"),
+    "play": ("play", "play for a goal that is given, without training for it"),
     "plan": ("plan", "symbolic plans in discrete worlds, carried out and as PDDL"),
     "knowledge": ("knowledge", "what a run knows: concepts, roles, classes; edit and export it"),
     "report": ("report", "one self-contained HTML page about one or more runs"),
@@ -97,7 +97,7 @@ def _lacking(error: ImportError) -> str:
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:
-    """Let SIGTERM end a command as Ctrl-C does: files half-written are removed, and one line tells."""
+    """Let SIGTERM end a command as Ctrl-C does: files half-written are removed, and one line says so."""
     raise KeyboardInterrupt
 
 

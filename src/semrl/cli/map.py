@@ -34,10 +34,10 @@ class MapArguments:
 
 
 def main(argv: Sequence[str]) -> None:
-    """Parse, describe, write, tell."""
+    """Parse, describe, write, print."""
     arguments = parse(MapArguments, argv, command="map")
     if arguments.export:
-        _check(arguments.export)  # what cannot be written is told before a large run is loaded
+        _check(arguments.export)  # what cannot be written is refused before a large run is loaded
     described = describe(_export(arguments.run, arguments.export) if arguments.export else load_graph(arguments.run))
     if arguments.json:
         print(dumps(_as_json(arguments, described)))

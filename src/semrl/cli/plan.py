@@ -64,7 +64,7 @@ class PlanArguments:
 
 
 def main(argv: Sequence[str]) -> None:
-    """Parse, learn, plan, tell."""
+    """Parse, learn, plan, print."""
     arguments = parse(PlanArguments, argv, command="plan")
     for path in (arguments.domain, arguments.problem):
         if path:

@@ -1,4 +1,4 @@
-"""``semrl play``: play with a trained run for a goal that is told, without training for it."""
+"""``semrl play``: play with a trained run for a goal that is given, without training for it."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -48,7 +48,7 @@ class PlayArguments:
 
 
 def main(argv: Sequence[str]) -> None:
-    """Parse, play, tell."""
+    """Parse, play, print."""
     arguments = parse(PlayArguments, argv, command="play")
     done = 0
     reached = 0

@@ -19,7 +19,7 @@ from semrl.training.loop import Step
 class PredictArguments:
     """Play new episodes and compare what came with what the model predicted; write predictions.json beside the run.
 
-    It tells which share of the variance of the states was predicted 1 to 20 decisions ahead, and how many gains and
+    It prints which share of the variance of the states was predicted 1 to 20 decisions ahead, and how many gains and
     losses one ahead. Nothing is learned from these episodes; one action in a hundred is random.
 
     Example:  semrl predict runs/first && semrl report runs/first
@@ -40,7 +40,7 @@ class PredictArguments:
 
 
 def main(argv: Sequence[str]) -> None:
-    """Parse, play, compare, tell."""
+    """Parse, play, compare, print."""
     arguments = parse(PredictArguments, argv, command="predict")
     played = 0
     with PlayProgress("predict", arguments.decisions, "decisions") as progress:

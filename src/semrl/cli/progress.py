@@ -198,7 +198,7 @@ class PlayProgress:
 
 @contextlib.contextmanager
 def working(text: str) -> Iterator[Callable[[str], None]]:
-    """Show what is being done; yield what tells of the next thing. Without a terminal each is a line."""
+    """Show what is being done; yield what names the next thing. Without a terminal each is a line."""
     if not error_console.is_terminal:
         say(text)
         yield say

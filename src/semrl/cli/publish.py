@@ -34,7 +34,7 @@ class PublishArguments:
 
 
 def main(argv: Sequence[str]) -> None:
-    """Parse, copy, write the card, tell."""
+    """Parse, copy, write the card, print."""
     arguments = parse(PublishArguments, argv, command="publish")
     folder = publish(arguments.run, arguments.to)
     card = write_card(folder.path, rules_of(load_player(folder.path), most=2)[:RULES_SHOWN])

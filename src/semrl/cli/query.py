@@ -48,7 +48,7 @@ class QueryArguments:
 
 
 def main(argv: Sequence[str]) -> None:
-    """Parse, ask, tell."""
+    """Parse, ask, print."""
     arguments = parse(QueryArguments, argv, command="query")
     limits = Limits(rows=arguments.rows, seconds=arguments.seconds)
     loaded = load_map(arguments.run)

@@ -32,7 +32,7 @@ class ReportArguments:
 
 
 def main(argv: Sequence[str]) -> None:
-    """Parse, look at what is missing, write, tell."""
+    """Parse, look at what is missing, write, print."""
     arguments = parse(ReportArguments, argv, command="report")
     if not arguments.runs:
         raise UsageError("report needs the folder of at least one run; see semrl report --help")
@@ -40,7 +40,7 @@ def main(argv: Sequence[str]) -> None:
     out = arguments.out or (arguments.runs[0] if len(folders) == 1 else Path()) / "report.html"
     require_writable(out)
     for folder in folders:
-        folder.config()  # a damaged one is told before anything is made
+        folder.config()  # a damaged one is refused before anything is made
         _make_gallery(folder)
     page = write_report(arguments.runs, out, defaults=to_dict(RunConfig()))
     if arguments.json:
@@ -63,5 +63,5 @@ def _make_gallery(folder: RunFolder) -> None:
     with error_console.status(f"looking at frames with the perception of {folder.path}"):
         try:
             save_gallery(folder.path, folder.config().seed)
-        except (NoEnvironmentError, MissingExtraError) as error:  # what was learned is told without frames
+        except (NoEnvironmentError, MissingExtraError) as error:  # what was learned is reported without frames
             error_console.print(f"no frames of {escape(str(folder.path))}: {escape(str(error))}", soft_wrap=True)

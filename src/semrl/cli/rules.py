@@ -33,7 +33,7 @@ class RulesArguments:
 
 
 def main(argv: Sequence[str]) -> None:
-    """Parse, read, tell."""
+    """Parse, read, print."""
     arguments = parse(RulesArguments, argv, command="rules")
     found = load_rules(arguments.run, most=arguments.most)
     if arguments.json:

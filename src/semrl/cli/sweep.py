@@ -60,7 +60,7 @@ class SweepArguments:
 
 
 def main(argv: Sequence[str]) -> None:
-    """Parse, train, sum up, tell."""
+    """Parse, train, sum up, print."""
     arguments = parse(SweepArguments, argv, command="sweep")
     sweep = read_sweep(arguments.file)
     out = arguments.out or Path("runs") / arguments.file.stem

@@ -92,7 +92,7 @@ class _TensorBoard:
             self._writer.add_scalar(name, value, decisions)
         self._writer.flush()
 
-    def close(self, *, failed: bool) -> None:  # noqa: ARG002 — events do not tell how it ended
+    def close(self, *, failed: bool) -> None:  # noqa: ARG002 — events do not say how it ended
         self._writer.close()
 
 

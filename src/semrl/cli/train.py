@@ -48,7 +48,7 @@ class TrainArguments:
 
 
 def main(argv: Sequence[str]) -> None:
-    """Parse, train, tell."""
+    """Parse, train, print."""
     arguments = _parse(argv)
     path = arguments.run or _default_path(arguments.config)
     if arguments.resume:

@@ -42,7 +42,7 @@ class ConceptsConfig:
     rare_share: float = 0.002
     """What is seen at a smaller share of the decisions is no concept."""
     least_touches: int = 3
-    """Fewest touches from which it is told whether the ground blocks, or is lost when it is touched."""
+    """Fewest touches from which it is decided whether the ground blocks, or is lost when it is touched."""
 
     def __post_init__(self) -> None:
         for name in ("merge_share", "together_share", "rare_share"):
@@ -58,7 +58,7 @@ class Concepts:
     A thing's *label* is its class (§3.2.2) together with whether it stays where it is and whether actions move it.
     Labels of one way of moving become one concept when tracks switch between them: a paddle looks another way where the
     edge of the arena hides a part of it. A number stays with its concept while more is learned. Each colour of the
-    ground is a concept too; what comes of touching it tells whether it matters.
+    ground is a concept too; what comes of touching it decides whether it matters.
 
     Parameters
     ----------

@@ -41,7 +41,7 @@ class MissingExtraError(UsageError, ImportError):
 
 def how_to_get(extra: str) -> str:
     """Return the command that installs what an extra of semrl needs."""
-    from packaging.requirements import Requirement  # late: errors are told where packages are missing
+    from packaging.requirements import Requirement  # late: errors are printed where packages are missing
 
     try:
         every = map(Requirement, requires("semrl") or ())

@@ -36,9 +36,9 @@ class StateSpace:
     axes: Ints | None = None
     """``(n_facts,)`` int64: along which axis each fact lies, −1 for what is no place; None where that is not known."""
     unit: float | None = None
-    """In which unit facts are told to people: what 1 means in it, as a share of their range; None: as they are."""
+    """In which unit facts are shown to people: what 1 means in it, as a share of their range; None: as they are."""
     has_things: bool = False
-    """Whether states tell of things that are followed."""
+    """Whether states list things that are followed."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -60,7 +60,7 @@ class CombinedActions(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     """Make every combination of several choices one action: ``MultiDiscrete`` and ``MultiBinary`` become discrete.
 
     Combinations are numbered as in a nested loop, the last choice fastest. Their names are the choices, joined by
-    commas, such as ``"2,0"``; where the environment tells names of its buttons, those that are pressed, such as
+    commas, such as ``"2,0"``; where the environment names its buttons, those that are pressed, such as
     ``"ATTACK+MOVE_LEFT"``, and ``"NOOP"``.
 
     Raises

@@ -278,7 +278,7 @@ def _watched(env: Env, skip: int) -> _Watched:
 
 
 def _emulated(config: EnvironmentConfig, *, skips: bool) -> dict[str, Any]:
-    """Return what the emulator is told."""
+    """Return the emulator's settings."""
     settings: dict[str, Any] = {"frameskip": config.frame_skip if skips else 1}
     if config.sticky_actions is not None:
         settings["repeat_action_probability"] = config.sticky_actions

@@ -1,4 +1,4 @@
-"""From an id to an environment, as `gymnasium.make` takes ids; what cannot be made is told in one line."""
+"""From an id to an environment, as `gymnasium.make` takes ids; what cannot be made is refused in one line."""
 
 import difflib
 import importlib

@@ -26,7 +26,7 @@ from semrl.training.session import limited_threads
 from semrl.world_model.rules import Rule
 
 PARTINGS = 3
-"""Decisions that are told of a game, at most."""
+"""Decisions that are reported of a game, at most."""
 
 SAME = 0.05
 """Two rules say the same when their values differ by at most this share of the larger one, or by less than either's

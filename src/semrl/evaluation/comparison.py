@@ -44,7 +44,7 @@ class MapComparison:
     """Nodes of each in the game that both watched."""
     agreement: float | None
     """Adjusted mutual information of the nodes that the states of that game fall into: 1 when both maps divide them
-    alike, 0 when one division tells nothing of the other; None where no game was watched with plans."""
+    alike, 0 when one division says nothing of the other; None where no game was watched with plans."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

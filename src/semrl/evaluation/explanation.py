@@ -63,7 +63,7 @@ class ImaginedScenario:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PlanFeature:
-    """A part of the goal, as the agent was told it (§3.4.4)."""
+    """A part of the goal, as the agent was shown it (§3.4.4)."""
 
     part: str
     """Which one."""
@@ -123,7 +123,7 @@ class Explanation:
     sight: Sight
     """What was shown, and what perception made of it."""
     features: Mapping[str, float]
-    """Names and values of the state's numbers, where they have names, as the rules tell them: percent of the image, or
+    """Names and values of the state's numbers, where they have names, as the rules give them: percent of the image, or
     the emulator's pixels."""
     place: MapLocation
     path: tuple[PathEdge, ...]
@@ -140,7 +140,7 @@ class Explanation:
     plan_features: tuple[PlanFeature, ...]
     choice: ActionChoice
     rollout: Rollout
-    """What the agent was told, what was done, what came."""
+    """What the agent was shown, what was done, what came."""
 
     def to_json(self) -> dict[str, Any]:
         """Return everything but the frame, of what JSON knows; objects by box and class, joined ones by position."""

@@ -70,7 +70,7 @@ def export_play(
     frames
         Whether the frames are written as well.
     on_episode
-        Is told the return of each episode.
+        Called with the return of each episode.
 
     Raises
     ------
@@ -222,7 +222,7 @@ def _written_beside(folder: Path, name: str) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _datasets_in(folder: Path) -> Iterator[None]:
-    """Let Minari keep data sets in a folder; it is told so by a variable of the environment alone."""
+    """Let Minari keep data sets in a folder; it reads that from an environment variable alone."""
     name = "MINARI_DATASETS_PATH"
     before = os.environ.get(name)
     os.environ[name] = str(folder)

@@ -1,4 +1,4 @@
-"""Playing for a goal that is told (§2.5): nothing is trained for it."""
+"""Playing for a goal that is given (§2.5): nothing is trained for it."""
 
 import contextlib
 from collections.abc import Callable, Iterator
@@ -156,9 +156,9 @@ def play_for_goal(
     policy
         Who decides.
     on_trial
-        Is told the number of each trial and after how many decisions the goal was reached, or None.
+        Called with the number of each trial and after how many decisions the goal was reached, or None.
     on_step
-        Is told the number of the trial and every decision.
+        Called with the number of the trial and every decision.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Results that are kept in a run's folder, or told all the same where nothing may be written to it."""
+"""Results that are kept in a run's folder, or printed all the same where nothing may be written to it."""
 
 import warnings
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from semrl.core.strict_json import dumps
 
 
 def warn_unwritable(path: Path) -> None:
-    """Warn before long work that its result will be told, but cannot be kept."""
+    """Warn before long work that its result will be printed, but cannot be kept."""
     try:
         require_writable(path)
     except UsageError as error:
@@ -23,7 +23,7 @@ def keep_result(path: Path, result: Mapping[str, Any], *, indent: int | None = N
     try:
         require_writable(path)
     except UsageError:
-        return  # this was told before
+        return  # this was said before
     try:
         write_text(path, dumps(result, indent=indent) + "\n")
     except SemrlError as error:

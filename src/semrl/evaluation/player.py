@@ -65,7 +65,7 @@ class Player:
     def new_env(self, *, every_frame: bool = False) -> Env:
         """Make the environment that it was trained on, begun and played as evaluation wants it; close it after use.
 
-        With `every_frame`, `newest_frames` tells what was shown between two decisions.
+        With `every_frame`, `newest_frames` returns what was shown between two decisions.
         """
         tested, environment = self.config.evaluation, self.config.environment
         sticky = environment.sticky_actions if tested.sticky_actions is None else tested.sticky_actions

@@ -74,7 +74,7 @@ def world_model_accuracy(
     at
         Decisions after which the model is tested: one of the run's milestones; as it is now when None.
     on_step
-        Is told every decision.
+        Called at every decision.
 
     Raises
     ------

@@ -11,7 +11,7 @@ from semrl.core.strict_json import dumps
 from semrl.training.folder import RunFolder
 
 KEPT = ("format", "model", "env", "seed", "versions", "threads", "environment", "status", "hashes", "result")
-"""What is told of a run in public: not on which machine it was trained."""
+"""What is published of a run: not on which machine it was trained."""
 
 
 def publish(run: str | Path, to: str | Path) -> RunFolder:

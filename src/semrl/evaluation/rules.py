@@ -37,7 +37,7 @@ def rules_of(player: Player, *, most: int = MOST) -> list[Rule]:
 
 
 def rule_book_of(player: Player, *, most: int = MOST) -> RuleBook | None:
-    """Return the same rules, to be asked which of them hold at a decision; None where that cannot be told."""
+    """Return the same rules, to be asked which of them hold at a decision; None where that cannot be said."""
     world = player.planning.world_model if player.planning else None
     if not (world and world.is_fitted and isinstance(world, RulesThatFire)):
         return None
@@ -50,5 +50,5 @@ def _names(player: Player) -> tuple[str, ...]:
 
 
 def unit_of(player: Player) -> float:
-    """Return in which unit facts are told to people: what 1 means in it, as a share of their range."""
+    """Return in which unit facts are shown to people: what 1 means in it, as a share of their range."""
     return player.encoder.space.unit or 1.0

@@ -26,7 +26,7 @@ EVALUATION_SEED = 1_000_000
 """Added to a run's seed for its evaluation."""
 
 PROBING = 0.01
-"""Probability of a random action where predictions are tested: a game that is always played alike tells little."""
+"""Probability of a random action where predictions are tested: a game that is always played alike shows little."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,9 +83,9 @@ def evaluate(
     at
         Decisions after which the run is tested: one of its milestones; as it is now when None.
     on_episode
-        Is told the return of each episode.
+        Called with the return of each episode.
     on_step
-        Is told the number of the episode and every decision; for videos.
+        Called with the number of the episode and every decision; for videos.
 
     Raises
     ------

@@ -20,7 +20,7 @@ def interquartile_mean(runs: Sequence[Floats]) -> tuple[float, float | None, flo
     """Return the mean of all returns but the lowest and the highest quarter, and its 95 % interval.
 
     The bootstrap draws runs anew, and within each of them episodes (after Agarwal et al., "Deep reinforcement learning
-    at the edge of the statistical precipice", NeurIPS 2021). Of one run it draws the episodes alone, so that it tells
+    at the edge of the statistical precipice", NeurIPS 2021). Of one run it draws the episodes alone, so that it says
     nothing of other seeds; of one episode there is no interval.
     """
     if sum(map(len, runs)) < 2:

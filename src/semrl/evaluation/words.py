@@ -51,7 +51,7 @@ def words_of_run(player: Player, run: str | Path) -> RunWords:
     Raises
     ------
     UsageError
-        When its facts do not tell where things are.
+        When its facts do not say where things are.
     """
     planning, space = player.require_predictions(run), player.encoder.space
     try:
@@ -125,7 +125,7 @@ def node_states(graph: MapGraph, weight: float, dimension: int) -> tuple[NDArray
 
 
 def _flying(planning: PlanningModule, dimension: int) -> NDArray[np.bool_]:
-    """Return which numbers mostly change as they just did, ``(d,)``, where the model of the world tells."""
+    """Return which numbers mostly change as they just did, ``(d,)``, where the model of the world knows."""
     flying = np.zeros(dimension, np.bool_)
     varying = getattr(planning.world_model, "varying_", None)
     if varying is not None:

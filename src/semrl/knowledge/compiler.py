@@ -134,7 +134,7 @@ class Classifier:
         return self._known[row]
 
     def _row(self, expression: Expression) -> int:  # noqa: PLR0911, PLR0912 - one case a constructor
-        """Return the row that tells who is of an expression; write those that it needs."""
+        """Return the row that says who is of an expression; write those that it needs."""
         match expression:
             case Named(name):
                 if name == SCENE:
@@ -168,7 +168,7 @@ class Classifier:
                 return self._write(COUNT, self._roles[role], self._row(filler), 0, number)
 
     def _atomic(self, name: str) -> int:
-        """Return the row that tells who is of an atomic class, or of one that is below it."""
+        """Return the row that says who is of an atomic class, or of one that is below it."""
         row = self._write(CLASS, self._concepts[name])
         for other in self._concepts:
             if other != name and name in self.words.above(other):

@@ -1,6 +1,6 @@
 """What happens in an episode: contacts, bounces, things that appear and vanish, rewards, lost lives; compiled.
 
-An event happens between two decisions and is told at the second of them.
+An event happens between two decisions and is reported at the second of them.
 """
 
 import itertools

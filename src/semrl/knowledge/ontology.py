@@ -89,7 +89,7 @@ class Ontology:
 
     @cached_property
     def role_names(self) -> tuple[str, ...]:
-        """Names of all roles: `contains`, then those told, then inverses that were not told themselves."""
+        """Names of all roles: `contains`, then those asserted, then inverses that were not asserted themselves."""
         asserted = [CONTAINS, *(role.name for role in self.roles)]
         return tuple(dict.fromkeys([*asserted, *(role.inverse for role in self.roles if role.inverse)]))
 
@@ -174,7 +174,7 @@ class Ontology:
         return substituted(expression, {name: self.unfolded(self.definitions[name].expression) for name in used})
 
     def above(self, name: str) -> tuple[str, ...]:
-        """Return an atomic class and all that are told to be above it."""
+        """Return an atomic class and all that are asserted to be above it."""
         found, new = {name: None}, [name]
         while new:
             lower = new.pop()

@@ -130,7 +130,7 @@ def to_triples(
     about
         What it is, in words.
     provenance
-        What it was learned from: name → value, told as annotations of the ontology.
+        What it was learned from: name → value, written as annotations of the ontology.
 
     Notes
     -----

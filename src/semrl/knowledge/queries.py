@@ -75,7 +75,7 @@ def ask(store: ox.Store, query: str, limits: Limits | None = None, *, base: str 
     limits
         What the query may cost.
     base
-        What the names of instances begin with, as it was told to `to_store`; the prefix ``map`` stands for it.
+        What the names of instances begin with, as it was given to `to_store`; the prefix ``map`` stands for it.
 
     Raises
     ------
@@ -123,7 +123,7 @@ def _run(task: bytes, limits: Limits) -> bytes:
 
 
 def _value(known: Mapping[str, str], kind: str = "", text: str = "", datatype: str = "") -> Value:
-    """Turn a term as the other process tells it into a plain value; nothing is an unbound variable."""
+    """Turn a term as the other process sends it into a plain value; nothing is an unbound variable."""
     if not kind:
         return None
     if kind == "iri":

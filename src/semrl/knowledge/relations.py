@@ -53,8 +53,8 @@ def relations_of(scene: Scene) -> Relations:
     >>> ball_and_wall = Scene(ids=numbers, concepts=numbers, kinds=numbers,
     ...     boxes_px=np.array([[0, 4, 2, 6], [10, 0, 12, 20]], np.float32),
     ...     velocities_px=np.array([[4, 0], [0, 0]], np.float32))
-    >>> told = relations_of(ball_and_wall)
-    >>> bool(told.left_of[0, 1]), bool(told.approaches[0, 1]), float(told.decisions_to_contact[0, 1])
+    >>> relations = relations_of(ball_and_wall)
+    >>> bool(relations.left_of[0, 1]), bool(relations.approaches[0, 1]), float(relations.decisions_to_contact[0, 1])
     (True, True, 2.0)
     """
     flags, gaps, times = _relate(scene.boxes_px, scene.velocities_px)

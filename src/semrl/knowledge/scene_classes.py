@@ -196,7 +196,7 @@ def _leaves(table: NDArray[np.bool_], comes: NDArray[np.bool_], config: SceneCla
 
 
 def _shortened(ways: list[_Way], table: NDArray[np.bool_], comes: NDArray[np.bool_]) -> list[_Way]:
-    """Leave out answers, and whole ways, without which no more decisions are told wrongly."""
+    """Leave out answers, and whole ways, without which no more decisions are classified wrongly."""
 
     def wrong(some: Sequence[_Way]) -> int:
         held = np.zeros(len(comes), np.bool_)

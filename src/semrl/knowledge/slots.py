@@ -40,20 +40,20 @@ _SIZE_PERCENT = 5.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Slot:
-    """Which numbers of the facts tell of one thing."""
+    """Which numbers of the facts are about one thing."""
 
     name: str
     columns: Mapping[str, int]
-    """``x``, ``y`` and ``seen``, as far as they are told → place in the facts."""
+    """``x``, ``y`` and ``seen``, as far as they are known → place in the facts."""
 
 
 def slots_of(names: Sequence[str]) -> list[Slot]:
-    """Return the things that facts with such names tell of: ``own x`` and ``player_y`` are of own and player.
+    """Return the things that facts with such names are about: ``own x`` and ``player_y`` are of own and player.
 
     Raises
     ------
     UsageError
-        When the facts tell of no places of things.
+        When the facts hold no places of things.
     """
     found: dict[str, dict[str, int]] = {}
     for column, name in enumerate(names):
@@ -61,7 +61,7 @@ def slots_of(names: Sequence[str]) -> list[Slot]:
         if match:
             found.setdefault(re.sub(r"\W", "", match[1]), {})[match[2]] = column
     if not found:
-        raise UsageError("the facts of this run do not tell where things are, so nothing can be said of them")
+        raise UsageError("the facts of this run do not say where things are, so nothing can be said of them")
     return [Slot(name=name, columns=columns) for name, columns in found.items()]
 
 
@@ -117,7 +117,7 @@ class SlotReader:
     Parameters
     ----------
     slots
-        What the facts tell of.
+        What the facts are about.
     kinds
         The classes of each.
     words
@@ -177,7 +177,7 @@ class SlotReader:
         return scenes
 
     def _numbers(self, states: Floats) -> NDArray[np.float64]:
-        """Return x and y of each thing in percent, ``(b, k, 2)``; NaN where that is not told."""
+        """Return x and y of each thing in percent, ``(b, k, 2)``; NaN where that is not known."""
         coordinates = np.full((len(states), len(self.slots), 2), np.nan)
         for place, slot in enumerate(self.slots):
             for axis, name in enumerate(("x", "y")):

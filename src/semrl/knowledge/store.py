@@ -40,7 +40,7 @@ def to_store(
     rules
         Of the model of the world, where it has any.
     base
-        What the names of all instances begin with, as `RunFolder.base_iri` tells it, so that those of two runs differ.
+        What the names of all instances begin with, as `RunFolder.base_iri` gives it, so that those of two runs differ.
 
     Raises
     ------

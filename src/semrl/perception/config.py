@@ -1,4 +1,4 @@
-"""What the boxes between frame and state are told, and which boxes there are."""
+"""What the boxes between frame and state are set to, and which boxes there are."""
 
 from dataclasses import dataclass, field
 from typing import Any

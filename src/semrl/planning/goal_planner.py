@@ -1,4 +1,4 @@
-"""Planning for a goal that is told, not learned (§2.5): the same scenarios, ranked by how soon they reach it."""
+"""Planning for a goal that is given, not learned (§2.5): the same scenarios, ranked by how soon they reach it."""
 
 from dataclasses import dataclass, replace
 from typing import Protocol

@@ -33,7 +33,7 @@ class Series:
 
 @dataclass(frozen=True, kw_only=True)
 class RunRecord:
-    """One run as its files tell it."""
+    """One run as its files describe it."""
 
     name: str
     """Of the folder."""

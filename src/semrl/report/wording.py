@@ -106,7 +106,7 @@ def settings(run: RunRecord, defaults: Mapping[str, Any]) -> tuple[list[tuple[st
 
 
 def provenance(run: RunRecord) -> list[tuple[str, str]]:
-    """Return what the manifest tells of versions, machine, threads, seed and hashes."""
+    """Return what the manifest says of versions, machine, threads, seed and hashes."""
     return list(flat({key: value for key, value in run.manifest.items() if key not in ("result", "format")}))
 
 

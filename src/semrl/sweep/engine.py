@@ -83,7 +83,8 @@ def run_all(
     folder
         Only one process at a time may work here.
     say
-        Is told of every run that begins, ends or fails, and every half minute how far they are unless they are shown.
+        Called with a line when a run begins, ends or fails, and every half minute on how far they are, unless they are
+        shown.
     show
         Is given the state of all, some times a second.
     on_finished

@@ -1,4 +1,4 @@
-"""What is told of the runs of a sweep."""
+"""What is reported of the runs of a sweep."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -15,14 +15,14 @@ from semrl.training import RunConfig, preset
 from semrl.training.config import MODELS, merge, read_toml
 
 AXES = {"model": "models", "env": "games", "seed": "seeds"}
-"""Settings that are told by an axis of the file."""
+"""Settings that are given by an axis of the file."""
 
 USUAL = "usual"
 """Name of the one variant where the file has none."""
 
 
 class Reference(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Scores of a game between which others are told, as shares: 0 at the low one, 1 at the high one."""
+    """Scores of a game between which others are given, as shares: 0 at the low one, 1 at the high one."""
 
     low: float
     high: float
@@ -146,14 +146,14 @@ class Sweep(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
             raise UsageError(f"episodes must be 0 or more, not {self.episodes}")
         for where, settings in {"settings": self.settings, **self.variants}.items():
             for name in AXES.keys() & settings.keys():
-                raise UsageError(f"'{name}' in {where}: it is told by {AXES[name]} = […]")
+                raise UsageError(f"'{name}' in {where}: it is given by {AXES[name]} = […]")
         for name, reference in self.reference.items():
             if not reference.low < reference.high:
                 raise UsageError(f"reference of {name}: low must lie below high")
         if self.search and (len(self.models), len(self.games)) != (1, 1):
             raise UsageError("a search is of one model in one game")
         if self.search and (wrong := AXES.keys() & self.search.settings.keys()):
-            raise UsageError(f"'{min(wrong)}' cannot be searched: it is told by {AXES[min(wrong)]} = […]")
+            raise UsageError(f"'{min(wrong)}' cannot be searched: it is given by {AXES[min(wrong)]} = […]")
 
     def cells(self) -> list["Cell"]:
         """Return all that runs differ in but for their seeds."""
@@ -223,7 +223,7 @@ def read_sweep(path: Path) -> Sweep:
                 raise UsageError(f"'{variant}' is no name of a variant: letters, digits, '-', '_' and '.' are")
         cells = sweep.cells()
         for cell in cells:
-            sweep.tasks(cell, Path())  # what cannot be trained is told before anything is
+            sweep.tasks(cell, Path())  # what cannot be trained is refused before anything is
         if sweep.search:
             _check_search(sweep, sweep.search)
     except (msgspec.ValidationError, UsageError) as error:
@@ -257,7 +257,7 @@ def nested(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _check_search(sweep: Sweep, search: Search) -> None:
-    """Tell what cannot be trained before anything is; that values do not go together, only their trial tells."""
+    """Refuse what cannot be trained before anything is; that values do not go together, only their trial shows."""
     if sweep.variants:
         raise UsageError("a search makes the variants itself; say which values in search.settings")
     (cell,) = sweep.cells()

@@ -82,7 +82,7 @@ class Task:
             lines = RunFolder(self.run).log_path.read_text(encoding="utf-8", errors="replace").splitlines()
         except OSError:
             lines = []
-        return lines[-1] if lines else "has not told yet how far it is"
+        return lines[-1] if lines else "has not reported yet how far it is"
 
     def reached(self) -> int:
         """Return the decisions of the newest checkpoint; 0 where there is none."""

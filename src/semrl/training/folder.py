@@ -158,7 +158,7 @@ class RunFolder:
         """The command that goes on with the run, as a shell takes it; empty where its world does not repeat itself."""
         try:
             repeats = self.manifest().get("environment", {}).get("repeats", True)
-        except (UsageError, AttributeError):  # damaged, which who goes on with it is told
+        except (UsageError, AttributeError):  # damaged: an error for whoever goes on with it
             repeats = True
         return f"semrl train --run {shlex.quote(str(self.path))} --resume" if repeats else ""
 

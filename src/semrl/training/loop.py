@@ -163,7 +163,7 @@ class EpisodeView:
 
 
 def next_step(before: Step, action: int, outcome: Outcome) -> Step:
-    """Return what one decision led to, as far as the environment tells."""
+    """Return what one decision led to, as far as the environment says."""
     return Step(
         observation=outcome.observation,
         number=before.number + 1,

@@ -35,7 +35,7 @@ from semrl.training.world import World, read_world
 
 @dataclass(frozen=True, kw_only=True)
 class TrainResult:
-    """What `train` has to tell; ``return_mean_last10`` is None when no episode was finished."""
+    """What `train` returns; ``return_mean_last10`` is None when no episode was finished."""
 
     run: str
     model: str
@@ -49,7 +49,7 @@ class TrainResult:
 
 
 def train(path: str | Path, config: RunConfig | None = None, *, observers: Sequence[Observer] = ()) -> TrainResult:
-    """Train a run to the end of its budget; a finished run only tells its result, unless what it learned is gone.
+    """Train a run to the end of its budget; a finished one is not trained again, unless what it learned is gone.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def train(path: str | Path, config: RunConfig | None = None, *, observers: Seque
     config = config or RunFolder(path).config()
     environment = noted.shown_alike(config.environment) if noted else config.environment
     with limited_threads(config.threads), contextlib.closing(make_env(config.env, environment)) as env:
-        trainer = build_trainer(config, env=env)  # what cannot work is told before anything is written
+        trainer = build_trainer(config, env=env)  # what cannot work is refused before anything is written
         world = noted or _looked_at(env, config)
         folder = folder or RunFolder.create(path, config)
         if noted is None:

@@ -45,7 +45,7 @@ class Trainer:
     seed
         Of the random actions taken while perception learns.
     observers
-        Are told of every decision and row, in order.
+        Called at every decision and row, in order.
 
     Attributes
     ----------

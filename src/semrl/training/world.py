@@ -69,4 +69,4 @@ def read_world(manifest: Mapping[str, Any], run: object) -> World:
     try:
         return msgspec.convert(manifest["environment"], World)
     except (KeyError, msgspec.ValidationError) as error:
-        raise UsageError(f"the manifest of {run} does not tell which environment was played ({error})") from None
+        raise UsageError(f"the manifest of {run} does not say which environment was played ({error})") from None

@@ -37,14 +37,14 @@ HEADERS = {
     "cross-origin-resource-policy": "same-origin",
     "cache-control": "no-store",
 }
-"""Of every answer: nothing is fetched from elsewhere, nothing is told to others, nothing is kept."""
+"""Of every answer: nothing is fetched from elsewhere, nothing is sent to others, nothing is kept."""
 
 EXPLANATION_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox"
 """Of a page that has its style and pictures within it."""
 
 LONGEST_MESSAGE = 4096
 ANSWERED = ("goal", "edit")
-"""Commands of which the page is told that they were carried out: something was typed for them."""
+"""Commands that are confirmed to the page: something was typed for them."""
 REFUSED = 4403
 """What a web socket without the token is closed with."""
 

@@ -50,7 +50,7 @@ class Driver:
     Attributes
     ----------
     about
-        What the page is told first.
+        What the page is sent first.
     """
 
     def __init__(self, session: WatchSession, on_shown: Callable[[Shown], None] = lambda _: None) -> None:
@@ -104,7 +104,7 @@ class Driver:
         Raises
         ------
         UsageError
-            When there is no such command; what else is wrong with it, the future tells.
+            When there is no such command; what else is wrong with it, the future raises.
         """
         command = self.commands.get(name) if isinstance(name, str) else None
         if command is None:

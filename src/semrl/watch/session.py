@@ -46,7 +46,7 @@ class Moment:
     by: Decider | None
     """Who took the decision that led here; None at the beginning."""
     pursuit: Pursuit | None = None
-    """How far the goal is that a person has told; None where there is none."""
+    """How far the goal is that a person has set; None where there is none."""
 
 
 class WatchSession:
@@ -65,14 +65,14 @@ class WatchSession:
     episode
         The first one, from 0.
     folder
-        Of its run, where what it is told is kept; `run` when None.
+        Of its run, where edits are kept; `run` when None.
 
     Attributes
     ----------
     teaching : Teaching
-        What it was asked and told.
+        What it was asked, and what was added.
     changed : Changed or None
-        What the last thing that was asked or told made of the plan.
+        What the last thing that was asked or added made of the plan.
     policy
         Who decides while no person does; see `decide_by`.
     person : bool

@@ -1,4 +1,4 @@
-"""What the page is told: of a session once, and of every moment that is shown."""
+"""What the page is sent: of a session once, and of every moment that is shown."""
 
 import math
 from dataclasses import asdict
@@ -168,7 +168,7 @@ def _boxed(sight: Sight) -> list[dict[str, Any]]:
 def _facts(session: WatchSession) -> list[dict[str, Any]]:
     """Tell the named numbers of the state and their last change, in the unit of the rules.
 
-    Of numbers that are no place, 0 and 1 are told as false and true.
+    Of numbers that are no place, 0 and 1 are written as false and true.
     """
     step, unit, space = session.moment.step, unit_of(session.player), session.player.encoder.space
     names = space.names[:FACTS_SHOWN]

@@ -99,7 +99,7 @@ class RuleBased(Protocol):
 
 @runtime_checkable
 class RulesThatFire(RuleBased, Protocol):
-    """A world model that can tell which of its rules hold at a decision."""
+    """A world model that can say which of its rules hold at a decision."""
 
     def rule_book(
         self, names: Sequence[str], actions: Sequence[str], *, most: int = 8, unit: float | None = None

@@ -129,7 +129,7 @@ def _roll_lanes(  # noqa: PLR0917 - compiled functions take no keywords
 ) -> None:
     """Roll forward, writing the first forest's states, ``(n, t, d)``, rewards, ``(m, n, t)``, and values, ``(m, n)``.
 
-    It is told the action of each lane, ``(t + 1, n·m)``, when each sequence begins, ascending, and which one it leaves
+    It is given the action of each lane, ``(t + 1, n·m)``, when each sequence begins, ascending, and which one it leaves
     then.
     """
     (nodes, roots), (states, actions), (chosen, begins, origins) = trees, past, lanes

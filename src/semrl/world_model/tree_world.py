@@ -181,7 +181,7 @@ class TreeWorld(GrownEnsemble[Experience]):
         most
             Rules for each.
         unit
-            In which numbers are told; the resolution when None.
+            In which numbers are given; the resolution when None.
         """
         book = self.rule_book(names, actions, most=most, unit=unit)
         return [rule for rules in book.trees for rule in rules.by_support]
@@ -189,7 +189,7 @@ class TreeWorld(GrownEnsemble[Experience]):
     def rule_book(
         self, names: Sequence[str], actions: Sequence[str], *, most: int = 8, unit: float | None = None
     ) -> RuleBook:
-        """Return the same rules as a book that tells which of them hold at a decision; see `rules`."""
+        """Return the same rules as a book that says which of them hold at a decision; see `rules`."""
         varying = [names[i] for i in self.varying_.tolist()]
         c = self.config
         columns = feature_names(varying, c.past_states, c.past_actions, self.relations_)

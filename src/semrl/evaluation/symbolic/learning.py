@@ -47,7 +47,7 @@ def learn_world(
     seed
         Of layouts and of what chance decides.
     on_decision
-        Is told how many were played.
+        Called with how many were played.
 
     Raises
     ------

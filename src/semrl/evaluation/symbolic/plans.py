@@ -77,7 +77,7 @@ def play_plans(
     planner
         ``astar``, or ``fast-downward`` (extra ``pddl``).
     on_trial
-        Is told the number of each trial and after how many decisions the goal was met, or None.
+        Called with the number of each trial and after how many decisions the goal was met, or None.
 
     Raises
     ------

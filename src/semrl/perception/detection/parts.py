@@ -43,7 +43,7 @@ class Parts(Saved):
         self._together: NDArray[np.bool_] = np.zeros((0, 0), np.bool_)
 
     def learn(self, frame: Frame, places: Places, ends: Ints) -> None:
-        """Count what touches among the pieces of one frame, as `find_components` tells of them."""
+        """Count what touches among the pieces of one frame, as `find_components` returns them."""
         height, width, channels = frame.shape
         first = places[np.append(0, ends[:-1])] if len(ends) else places
         shown = np.concatenate([self.colours_.reshape(-1, channels), frame.reshape(-1, channels)[first]])

@@ -33,7 +33,7 @@ class Restless(Saved):
 
     Where things pass, or stay for a while, a colour comes and goes once a visit. Waves, and the digits of a clock of
     hundredths, come and go in the same places all the time, and never leave them: that is how these places are, and
-    tells of no thing. What is seen there in another colour is one.
+    belongs to no thing. What is seen there in another colour is one.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class Restless(Saved):
         self._forget()
 
     def check(self, places: Places, ends: Ints, width: int) -> None:
-        """See whether what is found in the regions stays there: pieces of a frame, as `find_components` tells."""
+        """See whether what is found in the regions stays there: pieces, as `find_components` returns them."""
         if not len(self.regions_):
             return
         rows, columns = places // width, places % width

@@ -70,13 +70,13 @@ class OnlineEmbedding:
 
     The vector is ``prior · fractional(scene) + Σ_w v_w / √(words of an object)``: `FractionalEmbedding`, and one
     learned vector for each bucket of words, which begins at zero (at random where there is no prior). As in PV-DBOW
-    (Le and Mikolov 2014) a document's vector is to tell which words are in it. It learns that by negative sampling
+    (Le and Mikolov 2014) a document's vector is to predict which words are in it. It learns that by negative sampling
     (SGNS; Mikolov et al., "Distributed representations of words and phrases and their compositionality", NIPS 2013):
     words of the document get a higher score than noise, and frequent ones are skipped now and then. In one pass over
     an endless text, frequencies and noise are those met so far (Kaji and Kobayashi, "Incremental skip-gram model with
     negative sampling", EMNLP 2017); a bucket's count is a count-min sketch of one row. What is learned is what goes
     with what: objects are hidden at random, and their words told from the others (Chen 2017); else each word would
-    only tell itself.
+    only predict itself.
 
     Three things hold drift down: the prior does not move and fixes the axes of the space, each word is pulled back to
     zero (`anchor`), and the learning rate falls. It is over when nobody calls `partial_fit` any more.

@@ -10,7 +10,7 @@ from semrl.perception.embedding.scene_graph import object_keys
 from semrl.perception.embedding.unlearned import Unlearned
 
 SLOT = 4
-"""Numbers that tell of one object: 1 for being there, class, row and column."""
+"""Numbers that describe one object: 1 for being there, class, row and column."""
 
 CLASSES = 16
 """Class numbers are divided by it, so that they lie near 0 … 1 as rows and columns do."""
@@ -21,7 +21,7 @@ class SlotsEmbeddingConfig:
     """Settings of `SlotsEmbedding`."""
 
     dimension: int = 128
-    """Length of the vectors; four numbers tell of one object."""
+    """Length of the vectors; four numbers describe one object."""
 
     def __post_init__(self) -> None:
         if self.dimension < SLOT or self.dimension % SLOT:

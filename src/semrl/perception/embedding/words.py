@@ -116,7 +116,7 @@ def wl_hashes(graph: SceneGraph, iterations: int) -> list[tuple[str, ...]]:
     """Hash the surroundings of each object (Weisfeiler and Lehman; §3.2.3, Fig. 3.7).
 
     An object's label is its class number at first. Each iteration replaces it by the hash of itself and
-    the sorted labels of the neighbours, so that after ``k`` iterations it tells what lies within ``k``
+    the sorted labels of the neighbours, so that after ``k`` iterations it describes what lies within ``k``
     edges. The hashes do not depend on the process, the order of objects or the lengths of edges.
 
     Parameters

@@ -18,7 +18,7 @@ from semrl.perception.tracking.slot_statistics import LEAST_MOVING_SHARE, NEVER,
 from semrl.perception.tracking.tints import Tints
 
 SLOT_NUMBERS = ("x", "y", "seen")
-"""What is told of each slot."""
+"""What each slot holds."""
 
 AXES = ("x", "y")
 """Those of them that are places."""
@@ -37,12 +37,12 @@ _MOST_ROLES = 64
 
 @dataclass(frozen=True, kw_only=True)
 class SlotAssignerConfig:
-    """What of the tracks an agent is told."""
+    """What of the tracks an agent is shown."""
 
     frames: int = 500
     """Frames of random play in which roles are learned."""
     slots: int = 8
-    """Most roles that an agent is told of: what it controls, then those seen most."""
+    """Most roles that an agent is shown: what it controls, then those seen most."""
 
     def __post_init__(self) -> None:
         if self.frames < 1 or self.slots < 1:
@@ -50,7 +50,7 @@ class SlotAssignerConfig:
 
 
 class SlotAssigner(Saved):
-    """Parts that objects play again and again, and the fixed vector that tells of them.
+    """Parts that objects play again and again, and the fixed vector that describes them.
 
     Identities end with an episode, and sooner where an object leaves the image; a role stays. It is known by its
     habits: the classes that were seen in it, where it stays and how often it moves. A track that has moved and
@@ -202,7 +202,7 @@ class SlotAssigner(Saved):
         return things_of(tracks, self.kinds(tracks), self._slot_of, self._moved_by_actions)
 
     def kinds(self, tracks: Tracks) -> Ints:
-        """Return the kind of each track, ``(n,)`` int64: its class, and its colour where that tells more."""
+        """Return the kind of each track, ``(n,)`` int64: its class, and its colour where that says more."""
         return self._tints.kinds(tracks.classes, tracks.colours)
 
     def read(self, vector: Floats) -> tuple[Ints, Floats]:

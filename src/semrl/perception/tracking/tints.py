@@ -11,7 +11,7 @@ ALIKE = 32
 """Of 255: colours are one that differ by no more in every channel."""
 
 MOST_TINTS = 32
-"""What has other colours than the first so many is told by its class alone."""
+"""What has other colours than the first so many is of the kind of its class alone."""
 
 LEAST_SEEN = 20
 """Objects of a class in another colour than most, to be a kind of their own."""
@@ -72,7 +72,7 @@ class Tints(Saved):
         return kinds
 
     def from_arrays(self, arrays: Arrays) -> None:
-        """Take over what was saved; runs that are older than this tell kinds by class alone."""
+        """Take over what was saved; runs that are older than this know kinds by class alone."""
         if arrays:
             super().from_arrays(arrays)
 

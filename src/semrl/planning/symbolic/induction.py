@@ -1,4 +1,4 @@
-"""Learning operators from play: the fewest questions whose answers tell what an action does."""
+"""Learning operators from play: the fewest questions whose answers determine what an action does."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -18,7 +18,7 @@ _NEAR = 1
 """Cells so far away are asked about before what is anywhere, farther ones after it."""
 
 _OPERATOR_COST = 0.05
-"""Decisions that an operator must tell right to be worth having; so few that what was seen once counts."""
+"""Decisions that an operator must predict right to be worth having; so few that what was seen once counts."""
 
 _Key = tuple[int, int]
 _Samples = Counter[tuple[GridState, Effect]]

@@ -132,7 +132,7 @@ class Operators:
         """Kind → of each action what is asked, and the operator of each answer."""
         found: dict[tuple[int, int, tuple[Ask, ...]], dict[tuple[int, ...], Operator]] = {}
         for one in self.operators:
-            asks, answers = tuple(ask for ask, _ in one.when), tuple(answers for _, answers in one.when)
+            asks, answers = tuple(ask for ask, _ in one.when), tuple(value for _, value in one.when)
             found.setdefault((one.kind, one.action, asks), {})[answers] = one
         tables: dict[int, list[tuple[tuple[Ask, ...], dict[tuple[int, ...], Operator]]]] = {}
         for (kind, _, asks), operators in found.items():

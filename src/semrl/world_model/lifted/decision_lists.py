@@ -27,7 +27,7 @@ SAME_PX = 1.0
 _MOST_ROWS = 20_000  # the newest, that rules are read from
 _FEWEST = 3  # times that a condition must have been right
 _LEAST_WORTH = 0.15
-_TRIVIAL = 0.9  # share of the rows: what holds more often tells nothing
+_TRIVIAL = 0.9  # share of the rows: what holds more often says nothing
 _EDGE_PX, _FARTHEST = 1.0, 0.9995  # share of the places beyond an edge: some are mistakes
 _OTHERWISE = ("otherwise",)
 _PRECISION = 0.5  # what recall counts against precision
@@ -78,7 +78,7 @@ def read_lists(rows: Floats, targets: Floats, about: About, n_actions: int) -> l
 
 
 def joined_lists(lists: Sequence[Sequence[Rule]]) -> list[Rule]:
-    """Join the rules of several concepts; first, and of rewards alone, the one that tells best of them."""
+    """Join the rules of several concepts; first, and of rewards alone, the one that explains them best."""
 
     def explained(rules: Sequence[Rule]) -> float:
         said = [rule for rule in rules if rule.about == REWARD and rule.conditions != _OTHERWISE]
@@ -152,7 +152,7 @@ def _conditions(literals: dict[str, Mask]) -> list[tuple[tuple[str, ...], Mask]]
 
 
 def _worth(covered: Mask, wanted: Mask) -> float:
-    """Return how well a condition tells an event, 0 … 1: a mean of precision and recall that favours precision."""
+    """Return how well a condition predicts an event, 0 … 1: a mean of precision and recall that favours precision."""
     right, n = int((covered & wanted).sum()), int(covered.sum())
     if right < min(_FEWEST, int(wanted.sum())) or not right:
         return 0.0

@@ -40,7 +40,7 @@ class Kinds(NamedTuple):
     """What the trees know of concepts."""
 
     relation_of: Ints
-    """``(c,)`` int64: which relation tells of things of this concept; −1: none."""
+    """``(c,)`` int64: which relation is about things of this concept; −1: none."""
     moving: NDArray[np.bool_]
     controlled: NDArray[np.bool_]
     """``(c,)``: whether things of it move, and by actions."""

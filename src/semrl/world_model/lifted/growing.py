@@ -119,7 +119,7 @@ def _entries(
 def find_reward_concept(seen: dict[int, Seen], config: LiftedConfig) -> int:
     """Return the concept that rewards are credited to, by trees of one half of the play for the other; −1: none.
 
-    Of those whose things tell of rewards nearly as well as the best, it is the one that needs the fewest cuts of what
+    Of those whose things explain rewards nearly as well as the best, it is the one that needs the fewest cuts of what
     relates it to others: "the ball is beyond its edge" and "the ball is so far from the paddle" may both have held
     whenever a reward came, and the farther-fetched fails first elsewhere.
     """

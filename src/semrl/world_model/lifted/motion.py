@@ -1,4 +1,4 @@
-"""Trees that predict a velocity: each leaf tells the next one itself, or by how much it changes, whichever fits better.
+"""Trees that predict a velocity: each leaf holds the next one itself, or by how much it changes, whichever fits better.
 
 A thing in flight keeps its velocity, one that is steered takes what the action gives it, and one that bounces does the
 one before and the other after. So a cut is worth what it takes off the better of the two errors on each of its sides.
@@ -15,7 +15,7 @@ from semrl.world_model.cart import part
 from semrl.world_model.tree_kernels import NODE
 
 ABSOLUTE = -2
-"""In place of a left child: a leaf that tells the next velocity itself, not by how much it changes."""
+"""In place of a left child: a leaf that holds the next velocity itself, not by how much it changes."""
 
 _SUMS = 5  # rows; next velocities and their squares; changes and theirs
 _ALIKE_PX2 = 1e-3  # squared error that is none
@@ -62,7 +62,7 @@ def _grow(  # noqa: PLR0917 - compiled functions take no keywords
     leaf_rows: int,
     least_gain: float,
 ) -> tuple[NDArray[np.int32], Ints, NDArray[np.float64]]:
-    """Return column and left child, bin after which to cut, and what is told of each node."""
+    """Return column and left child, bin after which to cut, and what each node predicts."""
     most = 2 * (len(rows) // leaf_rows) + 1
     nodes, chosen, means = np.full((most, 2), -1, np.int32), np.zeros(most, np.int64), np.zeros(most)
     spans = np.zeros((most, 2), np.int64)
@@ -103,7 +103,7 @@ def _sums(rows: Ints, wanted: tuple[NDArray[np.float64], NDArray[np.float64]]) -
 
 @compiled
 def _errors(sums: NDArray[np.float64]) -> tuple[float, float]:
-    """Return the squared errors of telling the mean next velocity, and the mean change."""
+    """Return the squared errors of predicting the mean next velocity, and the mean change."""
     return sums[2] - sums[1] ** 2 / sums[0], sums[4] - sums[3] ** 2 / sums[0]
 
 

@@ -76,7 +76,7 @@ class Play:
     def rows(self, objects: Floats, concept: int, kinds: Kinds, discount: float) -> tuple[Floats, Floats]:
         """Return what is asked of each thing of a concept, ``(n, f)``, and `TARGETS`, ``(n, 10)``.
 
-        Also of what is seen for the first time: how it was served is told by its place.
+        Also of what is seen for the first time: how it was served shows in its place.
         The next velocity of what is gone is not a number, nor are place and time of a successor that never comes.
         """
         signs = np.sign(self.rewards).astype(np.float32)

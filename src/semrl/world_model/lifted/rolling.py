@@ -170,7 +170,7 @@ def _ask(nodes: NDArray[Any], root: int, row: Floats, before: float) -> float:
 def _value(
     trees: tuple[NDArray[Any], Ints], kinds: Kinds, acted: tuple[Floats, Ints], scene: Floats, relations: int
 ) -> float:
-    """Return what is expected beyond the last scene: by the first thing that tells of returns, else the mean."""
+    """Return what is expected beyond the last scene: by the first thing that predicts returns, else the mean."""
     nodes, roots = trees
     row, actions = np.empty(width(relations), np.float32), np.empty(PAST_ACTIONS + 1, np.float32)
     _recent(acted, len(acted[1]), actions)

@@ -101,10 +101,10 @@ class LiftedWorld(GrownEnsemble[Play]):
         Raises
         ------
         UsageError
-            When the episode tells of no things.
+            When the episode lists no things.
         """
         if not trajectory.things:
-            raise UsageError("the world model 'lifted' needs to be told of things: choose an encoder that follows them")
+            raise UsageError("the world model 'lifted' needs lists of things: choose an encoder that follows them")
         if self._learns_concepts:
             self.concepts.partial_fit(trajectory.things)
         return super().partial_fit(trajectory)
@@ -134,7 +134,7 @@ class LiftedWorld(GrownEnsemble[Play]):
         Parameters
         ----------
         names, unit
-            Not needed: things are named by their concepts, and told in pixels.
+            Not needed: things are named by their concepts, and measured in pixels.
         actions
             Names of the actions.
         most
