@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from semrl.core.errors import UsageError
-from semrl.world_model.rules import feature_names, read_rules, read_tree
+from semrl.world_model.rules import feature_names, read_tree
 from semrl.world_model.tree_kernels import lay_out
 from semrl.world_model.trees import Forests
 
@@ -53,7 +53,7 @@ def test_a_world_of_two_rules_is_read_as_two_rules():
     rng = np.random.default_rng(0)
     rows = rng.integers(0, 20, size=(1000, 2)).astype(np.float32)
     tree = forest(rows, np.where(rows[:, :1] > 11, -3.0, 2.0)).tree(0)
-    one, two = read_rules(tree, "x", NAMES, ACTIONS)
+    one, two = read_tree(tree, "x", NAMES, ACTIONS).by_support
     assert (one.value, one.conditions, one.decisions) == (2.0, ("x ≤ 11.5",), int((rows[:, 0] <= 11).sum()))
     assert (two.value, two.conditions, two.error) == (-3.0, ("x > 11.5",), 0.0)
 
@@ -64,11 +64,11 @@ def test_rules_part_all_decisions_and_say_how_far_off_they_are():
     targets = (rows[:, 0] > 9) * 8.0 + (rows[:, 1] > 14) * 2.0 + rng.normal(scale=0.3, size=2000)
     tree = forest(rows, targets[:, None]).tree(0)
     for most in (1, 2, 4, 7):
-        found = read_rules(tree, "z", NAMES, ACTIONS, most=most)
+        found = read_tree(tree, "z", NAMES, ACTIONS, most=most).by_support
         assert len(found) == most and sum(rule.decisions for rule in found) == 2000
         total = sum(rule.decisions * rule.error**2 for rule in found) / 2000
         assert total == pytest.approx({1: targets.var()}.get(most, total), rel=1e-4)
-    four = read_rules(tree, "z", NAMES, ACTIONS, most=4)
+    four = read_tree(tree, "z", NAMES, ACTIONS, most=4).by_support
     assert sorted(round(rule.value) for rule in four) == [0, 2, 8, 10]
     assert all(rule.error == pytest.approx(0.3, abs=0.05) for rule in four)
     by_conditions = {rule.conditions: round(rule.value) for rule in four}
@@ -78,7 +78,7 @@ def test_rules_part_all_decisions_and_say_how_far_off_they_are():
 def test_actions_are_called_by_their_names():
     rows = np.random.default_rng(0).integers(-1, 2, size=(300, 1)).astype(np.float32)
     tree = forest(rows, rows**2).tree(0)
-    said = {rule.conditions for rule in read_rules(tree, "x", ["the action 1 before"], ACTIONS)}
+    said = {rule.conditions for rule in read_tree(tree, "x", ["the action 1 before"], ACTIONS).by_support}
     assert ("the action 1 before is LEFT",) in said
     assert said <= {(f"the action 1 before is {what}",) for what in ("LEFT", "RIGHT", "LEFT or RIGHT", "not there yet")}
 
@@ -86,13 +86,13 @@ def test_actions_are_called_by_their_names():
 def test_each_number_has_a_tree_of_its_own():
     rows = np.random.default_rng(0).integers(0, 9, size=(200, 2)).astype(np.float32)
     grown = forest(rows, np.column_stack([rows[:, 0] > 4, rows[:, 1] > 2, np.full(200, 7)]).astype(float))
-    said = [[rule.conditions for rule in read_rules(grown.tree(i), "n", NAMES, ACTIONS)] for i in range(3)]
+    said = [[rule.conditions for rule in read_tree(grown.tree(i), "n", NAMES, ACTIONS).by_support] for i in range(3)]
     assert [sorted(one) for one in said] == [[("x > 4.5",), ("x ≤ 4.5",)], [("y > 2.5",), ("y ≤ 2.5",)], [()]]
 
 
 def test_no_rule_at_all_cannot_be_asked_for():
     with pytest.raises(UsageError, match="at least one rule"):
-        read_rules(forest(np.ones((4, 2), np.float32), np.ones((4, 1))).tree(0), "x", NAMES, ACTIONS, most=0)
+        read_tree(forest(np.ones((4, 2), np.float32), np.ones((4, 1))).tree(0), "x", NAMES, ACTIONS, most=0)
 
 
 def test_numbers_are_told_in_the_unit_that_is_asked_for():
@@ -100,8 +100,8 @@ def test_numbers_are_told_in_the_unit_that_is_asked_for():
     tree = forest(rows, np.where((rows[:, :1] > 11) & (rows[:, 2:] > 6), -3.0, 2.0)).tree(0)
     names = ("x", "y", "the action")
     plain, scaled = (
-        read_rules(tree, "x", names, ACTIONS),
-        read_rules(tree, "x", names, ACTIONS, scale=0.5, value_scale=10),
+        read_tree(tree, "x", names, ACTIONS).by_support,
+        read_tree(tree, "x", names, ACTIONS, scale=0.5, value_scale=10).by_support,
     )
     assert {rule.value for rule in plain} == {-3, 2} and {rule.value for rule in scaled} == {-30, 20}
     assert any("x > 11.5" in rule.conditions for rule in plain)

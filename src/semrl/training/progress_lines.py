@@ -22,7 +22,7 @@ class ProgressLines:
     write
         Gets each line.
     clock
-        Tells seconds.
+        Returns seconds.
     """
 
     def __init__(self, write: Callable[[str], None], *, clock: Callable[[], float] = time.monotonic) -> None:

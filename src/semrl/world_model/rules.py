@@ -6,7 +6,6 @@ A forest's trees have hundreds of leaves; most of them correct a few cases. Prun
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -96,11 +95,6 @@ def feature_names(names: Sequence[str], past_states: int, past_actions: int, rel
     ]
     actions = ["the action", *(f"the action {k + 1} before" for k in range(past_actions))]
     return [*names, *(f"{name}, if it goes on," for name in names), *changes, *compared, *actions]
-
-
-def read_rules(tree: Tree, about: str, names: Sequence[str], actions: Sequence[str], **options: Any) -> list[Rule]:
-    """Read the rules of a tree, those that hold most often first; see `read_tree`."""
-    return read_tree(tree, about, names, actions, **options).by_support
 
 
 def read_tree(
