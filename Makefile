@@ -18,7 +18,8 @@ install: .venv/.installed  ## make .venv with everything in it
 	$(PIP) -e '.[dev,docs,thesis,sb3,tensorboard,watch,optuna,minari]'
 	touch $@
 
-# What training, evaluation, report and live page need; modules are compiled when they are first imported.
+# What training, evaluation, report and live page need. Its modules are compiled when they are first imported, and kept.
+unexport PYTHONDONTWRITEBYTECODE
 .venv/.plays: pyproject.toml constraints.txt
 	test -d .venv || $(PYTHON) -m venv .venv
 	$(PIP) --no-compile -e '.[watch]'
