@@ -60,3 +60,22 @@ def test_zsh_takes_the_script(scripts):
 
 def test_other_shells_are_told(call):
     assert "fish" in call("completion", "fish").message and call("completion").status == 2
+
+
+@pytest.mark.skipif(not shutil.which("zsh"), reason="there is no zsh")
+def test_the_first_tab_of_a_new_zsh_completes(scripts, tmp_path):
+    (tmp_path / "_semrl").write_text(scripts["zsh"])
+    typing = r"""
+        zmodload zsh/zpty
+        zpty shell zsh -f -i
+        zpty -w shell "fpath=($1 \$fpath); autoload -Uz compinit; compinit -u -D; bindkey '^I' complete-word; print rea''dy"
+        zpty -r shell shown '*ready*'
+        zpty -w -n shell $'semrl tra\t'
+        zpty -r shell shown '*semrl*train*'
+        print -r -- $shown
+        zpty -d shell
+    """
+    done = subprocess.run(
+        ["zsh", "-fc", typing, "zsh", tmp_path], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert "train" in done.stdout

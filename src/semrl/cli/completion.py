@@ -94,4 +94,5 @@ _semrl() {{
         _files
     fi
 }}
-compdef _semrl semrl"""
+# As a file of fpath it is run by the first completion, which it must answer itself.
+if [[ $funcstack[1] == _semrl ]]; then _semrl "$@"; else compdef _semrl semrl; fi"""
