@@ -68,7 +68,8 @@ def test_the_first_tab_of_a_new_zsh_completes(scripts, tmp_path):
     typing = r"""
         zmodload zsh/zpty
         zpty shell zsh -f -i
-        zpty -w shell "fpath=($1 \$fpath); autoload -Uz compinit; compinit -u -D; bindkey '^I' complete-word; print rea''dy"
+        zpty -w shell "fpath=($1 \$fpath); autoload -Uz compinit; compinit -u -D"
+        zpty -w shell "bindkey '^I' complete-word; print rea''dy"
         zpty -r shell shown '*ready*'
         zpty -w -n shell $'semrl tra\t'
         zpty -r shell shown '*semrl*train*'
