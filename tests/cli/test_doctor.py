@@ -52,7 +52,7 @@ def test_people_are_told_how_to_get_it(names):
         (["train", "--decisions", "2"], "torch"),
         (["train", "--decisions", "2"], "ale_py"),
         (["eval", "RUN"], "cv2"),
-        (["rules", "RUN"], "sklearn"),
+        (["compare", "RUN", "RUN"], "sklearn"),
         (["query", "RUN", "ASK {}"], "pyoxigraph"),
         (["report", "RUN"], "msgspec"),
         (["explain", "RUN", "--step", "1"], "numba"),

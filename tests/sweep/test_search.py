@@ -145,7 +145,7 @@ def test_a_search_is_trained_goes_on_and_tells_the_best(call, file, tmp_path, mo
         ("trials = 3\n[search.settings]\ndqn.learning_rate = {low = 0.0, high = 1.0, log = true}", "above 0"),
         ("trials = 0\n[search.settings]\ndqn.n_steps = {low = 1, high = 2}", "1 or more"),
         ("trials = 3\n[search.settings]", "must name a setting"),
-        ("trials = 3\n[search.settings]\nseed = {low = 1, high = 2}", "told by seeds"),
+        ("trials = 3\n[search.settings]\nseed = {low = 1, high = 2}", "given by seeds"),
         ("trials = 3\nobjective = 'x'\n[search.settings]\ndqn.n_steps = {low = 1, high = 2}", "objective"),
         (
             "trials = 3\n[search.settings]\ndqn.n_steps = {low = 1, high = 2}\n[variants.a]\ndecisions = 9",
