@@ -29,8 +29,11 @@ def test_what_contradicts_through_an_inverse_is_refused_with_the_reason():
 
 
 def test_without_the_extra_nothing_more_is_asked(monkeypatch):
+    asked = []
     monkeypatch.setattr(hermit.shutil, "which", lambda _: None)
+    monkeypatch.setattr(hermit.subprocess, "run", lambda *command, **_: asked.append(command))
     hermit.require_possible_to_hermit(WORDS, having(BACK_AND_FORTH)[1], "'New'")
+    assert not asked
 
 
 def test_a_reasoner_that_fails_is_told_and_stops_nothing(monkeypatch):
