@@ -143,3 +143,5 @@ class Sight:
     """``(84, 84)`` int64: 0 for the background, class + 1 for objects."""
     names: tuple[str, ...] = ()
     """What is written beside each box; empty where there is nothing to write."""
+    remarks: tuple[str, ...] = ()
+    """What is to be said of them: what is taken for what, and since when."""

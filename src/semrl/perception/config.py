@@ -19,7 +19,7 @@ from semrl.perception.embedding import (
 from semrl.perception.embedding.protocol import Embedder
 from semrl.perception.reduction import PCAConfig
 from semrl.perception.reduction.protocol import Reducer
-from semrl.perception.tracking import SlotAssignerConfig, TrackingConfig
+from semrl.perception.tracking import InheritanceConfig, SlotAssignerConfig, TrackingConfig
 
 DETECTORS: Registry[Detector] = Registry(
     "detectors",
@@ -88,6 +88,8 @@ class PerceptionConfig:
     """Which object is which from decision to decision."""
     slot_assigner: SlotAssignerConfig = field(default_factory=SlotAssignerConfig)
     """Which of the tracked objects have a place in the state."""
+    inheritance: InheritanceConfig = field(default_factory=InheritanceConfig)
+    """When something that looks new is taken for something known."""
     scene: SceneGraphConfig = field(default_factory=SceneGraphConfig)
     """Which objects a scene has, and which of them are joined."""
     doc2vec: Doc2VecConfig = field(default_factory=Doc2VecConfig)

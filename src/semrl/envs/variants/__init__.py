@@ -9,6 +9,7 @@ from semrl.envs.actions import Env, rom_name, title
 
 _PONG = "semrl.envs.variants.pong:"
 _FRAMES = "semrl.envs.variants.frames:"
+_SECOND = "semrl.envs.variants.second_ball:"
 
 
 class Variant(Protocol):
@@ -35,6 +36,7 @@ VARIANTS: Registry[Variant] = Registry(
         "two_speeds": f"{_PONG}TwoSpeeds",
         "recoloured_ball": f"{_PONG}RecolouredBall",
         "recoloured_enemy": f"{_PONG}RecolouredEnemy",
+        "second_ball": f"{_SECOND}SecondBall",
     },
 )
 

@@ -1,7 +1,7 @@
 """The list of tracked objects: the models `objects` and `objects-map`."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from semrl.perception.encoders.through import ThroughPerception
 from semrl.perception.perception import Perception
 from semrl.perception.pretraining.stability import StabilityConfig
 from semrl.perception.pretraining.stages import ClustererStage, DetectorStage, ReducerStage, SlotsStage, Stage
-from semrl.perception.tracking import AXES, SLOT_NUMBERS, restored_tracks
+from semrl.perception.tracking import AXES, SLOT_NUMBERS, Inheritance, restored_tracks
 
 PERCENT = 0.01
 """Of the image: the unit in which people are shown places."""
@@ -62,11 +62,13 @@ class TrackedEpisode:
         self._ground = perception.ground
         self._there = self._ground.begin() if self._ground else np.zeros((0, 0), np.bool_)
         self.tracks = perception.begin()
+        self._known = self.tracks  # the same, what is new as what it is taken for
+        self._inheritance = Inheritance(perception.slot_assigner, perception.config.inheritance)
 
     def encode(self, observation: Observation) -> State:
         """Move the tracks on by one observation and list what moves."""
         facts = self.facts(observation)
-        things = self._perception.slot_assigner.things(self.tracks)
+        things = self._perception.slot_assigner.things(self._known)
         if self._ground:
             self._there = self._ground.look(self._there, observation.frame)
             things = np.concatenate([things, self._ground.patches(self._there)])
@@ -74,11 +76,13 @@ class TrackedEpisode:
 
     def facts(self, observation: Observation) -> Floats:
         """Move the tracks on by one observation and return the list, ``(k,)`` float32; see `SlotAssigner.transform`."""
-        self.tracks = self._perception.assign(self._perception.track(self.tracks, observation))
+        tracks = self._perception.track(self.tracks, observation)
+        self._known = self._perception.assign(self._inheritance.as_known(tracks))
+        self.tracks = replace(tracks, roles=self._known.roles)
         return self._perception.slot_assigner.transform(self.tracks)
 
     def look(self) -> Sight:
-        """Show the tracks that have a slot, each with the name of its role and its identity."""
+        """Show the tracks that have a slot, each with the name of its role and its identity; say what is taken for what."""
         tracks, roles = self.tracks, self._perception.slot_assigner
         slots = roles.slots_.tolist()
         listed = np.flatnonzero(tracks.visible & np.isin(tracks.roles, slots))
@@ -87,16 +91,19 @@ class TrackedEpisode:
         for (top, left, height, width), number in zip(boxes.tolist(), classes, strict=True):
             labels[top : top + height, left : left + width] = number + 1
         names = tuple(f"{roles.names_[slots.index(tracks.roles[i])]}: {tracks.ids[i]}" for i in listed)
-        return Sight(boxes_px=boxes, classes=classes, labels=labels, names=names)
+        return Sight(boxes_px=boxes, classes=classes, labels=labels, names=names, remarks=self._inheritance.remarks())
 
     def to_arrays(self) -> Arrays:
-        """Return the tracks, and where the ground is."""
-        return nest(tracks=asdict(self.tracks)) | {"there": self._there}
+        """Return the tracks, what the new ones are taken for, and where the ground is."""
+        parts = nest(tracks=asdict(self.tracks), inheritance=self._inheritance.to_arrays())
+        return parts | {"there": self._there}
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Go on with the tracks that were saved."""
         self.tracks = restored_tracks(unnest(arrays, "tracks"))
         self._there = arrays.get("there", self._there)  # older checkpoints knew no ground
+        if inheritance := unnest(arrays, "inheritance"):  # nor did they inherit
+            self._inheritance.from_arrays(inheritance)
 
 
 def listed_space(perception: Perception, before: int = 0) -> StateSpace:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.core import Floats, Ints, Tracks
+from semrl.core.arrays import Arrays
 from semrl.core.kernels import compiled
 from semrl.core.protocols import Saved
 
@@ -27,6 +28,11 @@ MOST_TOGETHER = 0.05
 # In nats. Who has a role and is seen keeps it in doubt, whatever it looks like just now; who has it and is not seen
 # gives it up more easily. A newcomer must look and move alike; its place decides between several.
 _KEEPS, _GIVES_UP, _MOST_UNREST, _MOST_NEW = 2.0, 2.0, 4.0, 6.0
+
+
+HABITS = ("row", "column", "height", "width", "step down", "step across", "red", "green", "blue")
+"""What is measured of an object: its centre, its size, how far it goes in a decision, whichever way, in pixels of the
+84×84 image; and its mean colour."""
 
 
 class Known(NamedTuple):
@@ -58,9 +64,11 @@ class SlotStatistics(Saved):
         ``(r, 2)`` float64, decisions at which it moved, and at which it could have.
     together
         ``(r, r)`` float64, frames in which each two were seen; on the diagonal, each.
+    habits
+        ``(r, 9, 3)`` float64, of each of `HABITS` how often it was measured, and the sums of it and of its squares.
     """
 
-    SAVED = ("classes", "means", "deviations", "moves", "together")
+    SAVED = ("classes", "means", "deviations", "moves", "together", "habits")
 
     def __init__(self) -> None:
         self.classes: NDArray[np.float64] = np.zeros((0, 0))
@@ -68,6 +76,7 @@ class SlotStatistics(Saved):
         self.deviations: NDArray[np.float64] = np.zeros((0, 2))
         self.moves: NDArray[np.float64] = np.zeros((0, 2))
         self.together: NDArray[np.float64] = np.zeros((0, 0))
+        self.habits: NDArray[np.float64] = np.zeros((0, len(HABITS), 3))
 
     def __len__(self) -> int:
         return len(self.means)
@@ -88,6 +97,7 @@ class SlotStatistics(Saved):
         self.classes, self.means = np.pad(self.classes, wider), np.pad(self.means, wider)
         self.deviations, self.moves = np.pad(self.deviations, wider), np.pad(self.moves, wider)
         self.together = np.pad(self.together, ((0, 1), (0, 1)))
+        self.habits = np.pad(self.habits, (*wider, (0, 0)))
 
     def count(self, tracks: Tracks, shown: Ints, roles: Ints, moved: NDArray[np.bool_]) -> None:
         """Count one frame.
@@ -111,6 +121,12 @@ class SlotStatistics(Saved):
         self.deviations[roles] += away * (tracks.centres_px[shown] - self.means[roles])
         self.moves[roles] += np.column_stack([moved, tracks.ages[shown] > 0])
         self.together[np.ix_(roles, roles)] += 1
+        measured = habits_of(tracks)[shown]
+        self.habits[roles] += np.stack([np.ones_like(measured), measured, np.square(measured)], axis=2)
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Take over what was saved; runs that are older than this have no habits."""
+        super().from_arrays({"habits": np.zeros((len(arrays.get("means", ())), len(HABITS), 3)), **arrays})
 
     def take_turns(self, role: int, other: int) -> bool:
         """Tell whether two roles are hardly ever seen at once."""
@@ -123,7 +139,7 @@ class SlotStatistics(Saved):
         way = self.means[other] - self.means[role]
         self.means[role] += way * more / (seen + more)
         self.deviations[role] += self.deviations[other] + way**2 * seen * more / (seen + more)  # Chan et al. (1979)
-        for counts in (self.classes, self.moves, self.together, self.together.T):
+        for counts in (self.classes, self.moves, self.habits, self.together, self.together.T):
             counts[role] += counts[other]
             counts[other] = 0
         self.deviations[other] = 0
@@ -139,6 +155,14 @@ class SlotStatistics(Saved):
             variances=(self.deviations[roles] + _WIDTH_COUNT * _WIDTH_PX**2) / (seen + _WIDTH_COUNT),
             mobilities=(self.moves[roles, 0] + 1) / (self.moves[roles, 1] + 2),
         )
+
+
+def habits_of(tracks: Tracks) -> NDArray[np.float64]:
+    """Return what `HABITS` are of each track, ``(n, 9)`` float64."""
+    left, top, right, bottom = tracks.edges_px.T
+    sizes = np.column_stack([bottom - top, right - left])
+    parts = [tracks.centres_px, sizes, np.abs(tracks.velocities_px), tracks.colours]
+    return np.concatenate(parts, axis=1, dtype=np.float64)
 
 
 def costs(tracks: Tracks, known: Known) -> NDArray[np.float64]:

@@ -205,6 +205,17 @@ class SlotAssigner(Saved):
         """Return the kind of each track, ``(n,)`` int64: its class, and its colour where that says more."""
         return self._tints.kinds(tracks.classes, tracks.colours)
 
+    def is_new(self, tracks: Tracks) -> NDArray[np.bool_]:
+        """Tell which tracks look as nothing looked while roles were learned, ``(n,)``: their class in their colour."""
+        return self._tints.is_new(tracks.classes, tracks.colours)
+
+    @property
+    def habits_(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Mean and variance of each of `HABITS` of the roles with slots, ``(k, 9)`` float64; 0 where none is known."""
+        count, total, squares = np.moveaxis(self._statistics.habits[self.slots_], 2, 0)
+        means = total / np.maximum(count, 1)
+        return means, np.maximum(squares / np.maximum(count, 1) - np.square(means), 0)
+
     def read(self, vector: Floats) -> tuple[Ints, Floats]:
         """Read what is seen from a vector of `transform`: the kind of each object, ``(n,)``, and its centre.
 

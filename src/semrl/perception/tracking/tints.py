@@ -71,6 +71,18 @@ class Tints(Saved):
         kinds[known] = self.numbers_[classes[known], self._tints(colours[known])]
         return kinds
 
+    def is_new(self, classes: Ints, colours: Floats) -> NDArray[np.bool_]:
+        """Tell of each object, ``(n,)``, whether nothing of its class had its colour until it was settled.
+
+        Before, nothing is new; where there were too many colours to tell apart, no other colour is.
+        """
+        tints = self._tints(colours)
+        known = tints < len(self._colours)
+        new = np.full(len(classes), 0 < len(self._colours) < MOST_TINTS and len(self.numbers_) > 0)
+        seen = known & (classes < len(self.numbers_))
+        new[seen] = self._seen[classes[seen], tints[seen]] == 0
+        return new
+
     def from_arrays(self, arrays: Arrays) -> None:
         """Take over what was saved; runs that are older than this know kinds by class alone."""
         if arrays:
