@@ -4,12 +4,16 @@ Trained runs play as they are. For those with a map the planner plays once more 
 the new world.
 
     python benchmarks/altered.py runs/x runs/y --episodes 10
+
+With what looks new taken for what is known, and without, and nothing learned:
+
+    python benchmarks/altered.py runs/x --variants "" recoloured_enemy second_ball --inherits True False --adapting 0
 """
 
 import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
-from itertools import islice
+from itertools import islice, product
 from pathlib import Path
 
 import machine
@@ -22,6 +26,7 @@ from semrl.core.errors import UsageError
 from semrl.evaluation import load_player
 from semrl.evaluation.player import Player, Policy
 from semrl.evaluation.scores import EVALUATION_SEED
+from semrl.perception.perception import Perception
 from semrl.training.session import limited_threads
 from semrl.world_model import TreeWorld
 
@@ -37,13 +42,15 @@ class Arguments:
     """Trained runs."""
     variants: tuple[str, ...] = (
         "", "frozen_enemy", "slow_enemy", "fast_enemy", "lazy_enemy", "two_speeds", "recoloured", "recoloured_ball",
-        "recoloured_enemy", "mirrored", "upside_down",
+        "recoloured_enemy", "dark_ball", "second_ball", "mirrored", "upside_down",
     )  # fmt: skip
     """What is played; "": the game as it is."""
     episodes: int = 10
     """Games of each policy in each world."""
     adapting: int = 1_000
-    """Decisions of the new world from which the planner's model learns before it plays once more."""
+    """Decisions of the new world from which the planner's model learns before it plays once more; 0: it does not."""
+    inherits: tuple[bool, ...] = (True,)
+    """Whether what looks new, or is more than there was, is taken for what is known."""
     json: bool = False
     """Print one JSON object as the only line of standard output."""
 
@@ -54,6 +61,7 @@ class Score:
 
     run: str
     variant: str
+    inherits: bool
     policy: str
     mean: float
     min: float
@@ -70,25 +78,36 @@ def main(arguments: Arguments) -> None:
     if arguments.json:
         print(json.dumps({"machine": machine.describe(), "scores": [asdict(score) for score in scores]}))
         return
-    table = Table("run", "variant", "policy", "mean", "min … max", "decisions a game", box=None, padding=(0, 2, 0, 0))
+    table = Table("run", "variant", "inherits", "policy", "mean", "min … max", "decisions a game", box=None, padding=(0, 2, 0, 0))
     for score in scores:
         extremes = f"{score.min:.0f} … {score.max:.0f}"
-        table.add_row(score.run, score.variant, score.policy, f"{score.mean:.2f}", extremes, f"{score.decisions:,.0f}")
+        inherits = "yes" if score.inherits else "no"
+        figures = f"{score.mean:.2f}", extremes, f"{score.decisions:,.0f}"
+        table.add_row(score.run, score.variant, inherits, score.policy, *figures)
     Console().print(table)
 
 
 def play(run: Path, arguments: Arguments) -> Iterator[Score]:
     """Play every variant with every policy of a run."""
-    for variant in arguments.variants:
+    for variant, inherits in product(arguments.variants, arguments.inherits):
         player = load_player(run, memory=True).under(variant=variant)
+        inherit(player, inherits)
         with limited_threads(player.config.threads):
             policies: tuple[Policy, ...] = ("agent", "planner") if player.planning else ("agent",)
             for policy in policies:
-                yield _score(run, variant, policy, _games(player, policy, arguments.episodes))
-            if player.planning and variant:
+                yield _score(run, variant, inherits, policy, _games(player, policy, arguments.episodes))
+            if player.planning and variant and arguments.adapting:
                 adapt(player, arguments.adapting)
                 who = f"planner, after {arguments.adapting:,} decisions"
-                yield _score(run, variant, who, _games(player, "planner", arguments.episodes))
+                yield _score(run, variant, inherits, who, _games(player, "planner", arguments.episodes))
+
+
+def inherit(player: Player, on: bool) -> None:
+    """Switch it on, as the run has it, or off."""
+    perception = getattr(player.encoder, "perception", None)
+    if not on and isinstance(perception, Perception):
+        none = replace(perception.config.inheritance, decisions=0, shares=False)
+        perception.config = replace(perception.config, inheritance=none)
 
 
 def adapt(player: Player, decisions: int) -> None:
@@ -126,11 +145,12 @@ def _games(player: Player, policy: Policy, episodes: int) -> list[tuple[float, i
     return games
 
 
-def _score(run: Path, variant: str, policy: str, games: list[tuple[float, int]]) -> Score:
+def _score(run: Path, variant: str, inherits: bool, policy: str, games: list[tuple[float, int]]) -> Score:
     returns, decisions = zip(*games, strict=True)
     return Score(
         run=str(run),
         variant=variant or "as trained",
+        inherits=inherits,
         policy=policy,
         mean=float(np.mean(returns)),
         min=min(returns),

@@ -15,7 +15,7 @@ KEYS = {
     "run", "model", "env", "trained_decisions", "policy", "seed", "episode", "step", "exploration", "return_so_far",
     "features", "place", "path", "cutoff", "scenarios", "n_scenarios", "n_imagined", "reason", "otherwise",
     "plan_features",
-    "choice", "rollout", "objects", "joined", "html",
+    "choice", "rollout", "objects", "joined", "remarks", "html",
 }  # fmt: skip
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from semrl.core.errors import UsageError
 from semrl.envs import EnvironmentConfig, Game, make_env
-from semrl.envs.variants import VARIANTS, pong
+from semrl.envs.variants import VARIANTS, pong, second_ball
 
 FRAME = EnvironmentConfig(frame_skip=1)
 LEFT = 1
@@ -47,7 +47,7 @@ def test_frames_are_altered_and_nothing_else(variant, altered, env):
     np.testing.assert_array_equal(play(variant, 20, env)[0], altered(play("", 20, env)[0]))
 
 
-@pytest.mark.parametrize("variant", ["recoloured_ball", "recoloured_enemy"])
+@pytest.mark.parametrize("variant", ["recoloured_ball", "recoloured_enemy", "dark_ball"])
 def test_one_thing_has_another_colour(variant):
     thing = VARIANTS.load(variant)
     before, after = play("", 120)[0], play(variant, 120)[0]
@@ -55,6 +55,28 @@ def test_one_thing_has_another_colour(variant):
     assert differs.any(axis=(1, 2)).mean() > 0.3
     assert (before[differs] == thing.colour).all() and (after[differs] == thing.instead).all()
     assert not differs[:, :34].any() and not differs[:, 194:].any()
+
+
+def test_a_second_ball_is_drawn_and_counts():
+    before, after = play("", 1_500), play("second_ball", 1_500)
+    white = np.array([(frame[34:194] == 236).all(axis=2).sum() for frame in after[0]])
+    assert (white > 12).mean() > 0.3  # of a ball 8 pixels
+    pairs = zip(before[0][:140, 34:194], after[0][:140, 34:194], strict=True)
+    drawn = [int((plain != frame).any(axis=2).sum()) for plain, frame in pairs]
+    assert max(drawn[:100]) == 0 and drawn[130] == 8
+    scores = list(second_ball.SCORE_ADDRESSES.values())
+    usual, points = (np.array(ram)[:, scores].astype(int) for _, ram in (before, after))
+    assert points[-1].sum() > usual[-1].sum() + 3 and (np.diff(points, axis=0) >= 0).all()
+
+
+def test_points_of_the_second_ball_are_rewards():
+    game = make_env("PongNoFrameskip-v4", replace(FRAME, variant="second_ball"))
+    game.reset(seed=0)
+    total = sum(game.step(LEFT)[1] for _ in range(1_200))
+    ram = game.unwrapped.ale.getRAM()
+    enemy, own = (int(ram[address]) for address in second_ball.SCORE_ADDRESSES.values())
+    game.close()
+    assert total == own - enemy and enemy > 8  # one ball alone loses 8 points in this time at most
 
 
 def test_an_enemy_goes_as_far_as_its_pace_allows():

@@ -88,7 +88,8 @@ def _show(e: Explanation) -> None:
     console.print(Text(f"Why {e.choice.action}?", "bold"), Text(f"{e.run}, {phrases.which(e)}", "dim"))
     console.print()
     way = {"way to a gain": phrases.way(e)} if e.path else {}
-    console.print(_rows({"seen": phrases.seen(e), "on the map": phrases.place(e), **way}))
+    taken = {"taken for": "; ".join(e.sight.remarks)} if e.sight.remarks else {}
+    console.print(_rows({"seen": phrases.seen(e), **taken, "on the map": phrases.place(e), **way}))
     console.print()
     console.print(_scenarios(e))
     console.print()

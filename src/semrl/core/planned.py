@@ -107,6 +107,8 @@ class History:
     """``(t,)`` int64, the actions that the plan before proposed from here on; empty where there was none."""
     things: tuple[Floats, ...] = ()
     """What was seen at each of the states, see `semrl.core.things`; empty where that is not known."""
+    lists: tuple[Floats, ...] = ()
+    """In place of the states, once for each of several things that share a place in them; see `State.lists`."""
 
     def window(self, count: int) -> Floats:
         """Return the newest states, ``(count, d)``; before the first one known it is taken to have been the same."""

@@ -20,6 +20,9 @@ class State:
     """``(k,)`` float32, the numbers that map, world model and planner work with; empty for images."""
     things: Floats = field(default_factory=no_things)
     """``(n, 9)`` float32, all that is seen and followed, see `semrl.core.things`; none where nothing is followed."""
+    lists: tuple[Floats, ...] = ()
+    """``(h, k)`` each, the newest facts, the newest first, once for each of several things that share a place in them;
+    empty where each has its own."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

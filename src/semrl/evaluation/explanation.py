@@ -150,4 +150,5 @@ class Explanation:
         boxes = self.sight.boxes_px.tolist()
         objects = [{"class": kind, "box_px": box} for kind, box in zip(classes, boxes, strict=True)]
         cutoff = self.cutoff if math.isfinite(self.cutoff) else None  # JSON has no infinities
-        return rows | {"cutoff": cutoff, "objects": objects, "joined": self.sight.edges.tolist()}
+        seen = {"objects": objects, "joined": self.sight.edges.tolist(), "remarks": list(self.sight.remarks)}
+        return rows | {"cutoff": cutoff} | seen

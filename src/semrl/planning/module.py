@@ -192,9 +192,20 @@ class PlanningModule:
         self._proposed = np.zeros(0, np.int64)
         self._keeper.renew(None)
 
-    def plan_step(self, facts: Floats, things: Floats | None = None, *, exploring: bool = False) -> PlanRecord:
-        """Plan at the next decision of the episode (§3.4.4), or go on with a plan that holds."""
+    def plan_step(
+        self,
+        facts: Floats,
+        things: Floats | None = None,
+        *,
+        lists: tuple[Floats, ...] = (),
+        exploring: bool = False,
+    ) -> PlanRecord:
+        """Plan at the next decision of the episode (§3.4.4), or go on with a plan that holds.
+
+        Facts, things and lists are those of its `State`.
+        """
         history = self._episode.history(facts, MEMORY_DECISIONS, self._proposed[1:], things)
+        history = replace(history, lists=lists)
         plan = self._keeper.what_is_left(history, self._episode.last_reward, self.knowledge)
         if plan is None:
             plan = self.plan(history, exploring=exploring)

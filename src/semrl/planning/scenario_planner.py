@@ -1,14 +1,17 @@
 """The thesis's planner (§3.4.3, §3.4.4): imagine scenarios, rank them against the way on the map."""
 
-from dataclasses import dataclass
+import contextlib
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from semrl.core import History, Plan
+from semrl.core import History, Ints, Plan, Scenarios
 from semrl.core.errors import UsageError
 from semrl.planning.protocol import Knowledge
 from semrl.planning.ranking import rank
 from semrl.planning.short_term import ShortTermConfig, action_sequences
+from semrl.world_model.protocol import ConceptBased, Screening, WorldModel
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -63,7 +66,7 @@ class ScenarioPlanner:
         sequences = action_sequences(self.n_actions, self.config, number=history.number, proposed=history.proposed)
         if first is not None:
             sequences = np.column_stack([np.full(len(sequences), first), sequences[:, 1:]])
-        scenarios = knowledge.world_model.imagine(history, sequences)
+        scenarios = imagined(knowledge.world_model, history, sequences)
         state, previous = history.window(2)
         before_last = scenarios.states[:, -2] if sequences.shape[1] > 1 else state[None]
         penalty = self.config.uncertainty_penalty - (self.config.exploration_bonus if exploring else 0.0)
@@ -76,3 +79,38 @@ class ScenarioPlanner:
             discount=self.discount,
             uncertainty_penalty=penalty,
         )
+
+
+def imagined(world_model: WorldModel, history: History, sequences: Ints) -> Scenarios:
+    """Imagine sequences of actions, ``(s, t)``; where things share a place in the state, with each of them in it.
+
+    What comes of each of them comes of the actions: their rewards, values and uncertainties are added. States are those
+    of the things that have the places now. World models that reason about things know all of them anyway.
+    """
+    if not history.lists or isinstance(world_model, ConceptBased):
+        return world_model.imagine(history, sequences)
+    alone = [replace(history, states=states, lists=()) for states in history.lists]
+    if len(alone) == 1:
+        return world_model.imagine(alone[0], sequences)
+    with _unscreened(world_model):  # else each would leave out others
+        main, *others = (world_model.imagine(one, sequences) for one in alone)
+    for other in others:
+        doubts = main.uncertainties
+        if doubts is not None and other.uncertainties is not None:
+            doubts = doubts + other.uncertainties
+        rewards, values = main.rewards + other.rewards, main.values + other.values
+        main = replace(main, rewards=rewards, values=values, uncertainties=doubts)
+    return main
+
+
+@contextlib.contextmanager
+def _unscreened(world_model: WorldModel) -> Iterator[None]:
+    """Let a world model imagine all scenarios."""
+    if not isinstance(world_model, Screening):
+        yield
+        return
+    before, world_model.screens = world_model.screens, False
+    try:
+        yield
+    finally:
+        world_model.screens = before

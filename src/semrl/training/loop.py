@@ -159,7 +159,9 @@ class EpisodeView:
             return None
         if self.learning and reward:
             self.planning.update_online(state.facts, state.things)
-        return self.planning.plan_step(state.facts, state.things, exploring=self.exploring) if self.plans else None
+        if not self.plans:
+            return None
+        return self.planning.plan_step(state.facts, state.things, lists=state.lists, exploring=self.exploring)
 
 
 def next_step(before: Step, action: int, outcome: Outcome) -> Step:

@@ -36,6 +36,7 @@ VARIANTS: Registry[Variant] = Registry(
         "two_speeds": f"{_PONG}TwoSpeeds",
         "recoloured_ball": f"{_PONG}RecolouredBall",
         "recoloured_enemy": f"{_PONG}RecolouredEnemy",
+        "dark_ball": f"{_PONG}DarkBall",
         "second_ball": f"{_SECOND}SecondBall",
     },
 )

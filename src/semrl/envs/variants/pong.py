@@ -133,3 +133,10 @@ class RecolouredEnemy(RecolouredThing):
 
     colour = (213, 130, 74)
     instead = (84, 92, 214)
+
+
+class DarkBall(RecolouredThing):
+    """The ball is nearly black: darker than the background, where it was lighter."""
+
+    colour = (236, 236, 236)
+    instead = (20, 20, 40)

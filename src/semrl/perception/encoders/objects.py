@@ -11,7 +11,7 @@ from semrl.perception.encoders.through import ThroughPerception
 from semrl.perception.perception import Perception
 from semrl.perception.pretraining.stability import StabilityConfig
 from semrl.perception.pretraining.stages import ClustererStage, DetectorStage, ReducerStage, SlotsStage, Stage
-from semrl.perception.tracking import AXES, SLOT_NUMBERS, Inheritance, restored_tracks
+from semrl.perception.tracking import AXES, SLOT_NUMBERS, Inheritance, SharedSlots, restored_tracks
 
 PERCENT = 0.01
 """Of the image: the unit in which people are shown places."""
@@ -64,6 +64,7 @@ class TrackedEpisode:
         self.tracks = perception.begin()
         self._known = self.tracks  # the same, what is new as what it is taken for
         self._inheritance = Inheritance(perception.slot_assigner, perception.config.inheritance)
+        self._shared = SharedSlots(perception.slot_assigner, on=perception.config.inheritance.shares)
 
     def encode(self, observation: Observation) -> State:
         """Move the tracks on by one observation and list what moves."""
@@ -72,7 +73,7 @@ class TrackedEpisode:
         if self._ground:
             self._there = self._ground.look(self._there, observation.frame)
             things = np.concatenate([things, self._ground.patches(self._there)])
-        return self._write(facts, things)
+        return replace(self._write(facts, things), lists=self._shared.lists(self._known, facts))
 
     def facts(self, observation: Observation) -> Floats:
         """Move the tracks on by one observation and return the list, ``(k,)`` float32; see `SlotAssigner.transform`."""
@@ -95,8 +96,8 @@ class TrackedEpisode:
 
     def to_arrays(self) -> Arrays:
         """Return the tracks, what the new ones are taken for, and where the ground is."""
-        parts = nest(tracks=asdict(self.tracks), inheritance=self._inheritance.to_arrays())
-        return parts | {"there": self._there}
+        known = nest(inheritance=self._inheritance.to_arrays(), shared=self._shared.to_arrays())
+        return nest(tracks=asdict(self.tracks)) | known | {"there": self._there}
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Go on with the tracks that were saved."""
@@ -104,6 +105,7 @@ class TrackedEpisode:
         self._there = arrays.get("there", self._there)  # older checkpoints knew no ground
         if inheritance := unnest(arrays, "inheritance"):  # nor did they inherit
             self._inheritance.from_arrays(inheritance)
+            self._shared.from_arrays(unnest(arrays, "shared"))
 
 
 def listed_space(perception: Perception, before: int = 0) -> StateSpace:

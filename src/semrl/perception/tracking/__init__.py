@@ -3,6 +3,7 @@
 from semrl.perception.tracking.following import TrackingConfig, follow, no_tracks, restored_tracks
 from semrl.perception.tracking.inheritance import Inheritance, InheritanceConfig
 from semrl.perception.tracking.jumps import Jumps
+from semrl.perception.tracking.sharing import SharedSlots
 from semrl.perception.tracking.slots import AXES, SLOT_NUMBERS, SlotAssigner, SlotAssignerConfig
 
 __all__ = [
@@ -11,6 +12,7 @@ __all__ = [
     "Inheritance",
     "InheritanceConfig",
     "Jumps",
+    "SharedSlots",
     "SlotAssigner",
     "SlotAssignerConfig",
     "TrackingConfig",

@@ -32,6 +32,9 @@ class InheritanceConfig:
     fit: float = 4.0
     """How far it may be from what it is taken for: the mean square of its deviations, in standard deviations."""
 
+    shares: bool = True
+    """Whether, where more things of a kind are seen at once than while slots were learned, plans are made for all."""
+
     def __post_init__(self) -> None:
         if self.decisions < 0 or not self.fit > 0:
             raise UsageError(

@@ -161,6 +161,24 @@ class SlotAssigner(Saved):
         self._know()
         return self
 
+    @property
+    def shared_(self) -> NDArray[np.bool_]:
+        """Whether other things may have each slot as well, ``(k,)``: there was one for each of its kind that was met.
+
+        What actions move is alone.
+        """
+        without = np.setdiff1d(np.flatnonzero(self._matter), self.slots_)
+        return ~self.controlled_[self.slots_] & ~np.isin(self.kinds_[self.slots_], self.kinds_[without])
+
+    @property
+    def at_rest_(self) -> Floats:
+        """The vector when nothing is there, ``(slots · 3,)``; see `transform`."""
+        return self._at_rest.ravel()
+
+    def costs(self, tracks: Tracks) -> NDArray[np.float64]:
+        """Return what it costs that each track has each role with a slot, ``(n, k)``; `NEVER` where it cannot."""
+        return costs(tracks, self._known)
+
     def predict(self, tracks: Tracks) -> Ints:
         """Return the role of each track, ``(n,)`` int64; −1 for none.
 
