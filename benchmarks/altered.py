@@ -78,7 +78,9 @@ def main(arguments: Arguments) -> None:
     if arguments.json:
         print(json.dumps({"machine": machine.describe(), "scores": [asdict(score) for score in scores]}))
         return
-    table = Table("run", "variant", "inherits", "policy", "mean", "min … max", "decisions a game", box=None, padding=(0, 2, 0, 0))
+    table = Table(
+        "run", "variant", "inherits", "policy", "mean", "min … max", "decisions a game", box=None, padding=(0, 2, 0, 0)
+    )
     for score in scores:
         extremes = f"{score.min:.0f} … {score.max:.0f}"
         inherits = "yes" if score.inherits else "no"

@@ -83,7 +83,7 @@ class TrackedEpisode:
         return self._perception.slot_assigner.transform(self.tracks)
 
     def look(self) -> Sight:
-        """Show the tracks that have a slot, each with the name of its role and its identity; say what is taken for what."""
+        """Show the tracks that have a slot, each with its role's name and its identity; say what is taken for what."""
         tracks, roles = self.tracks, self._perception.slot_assigner
         slots = roles.slots_.tolist()
         listed = np.flatnonzero(tracks.visible & np.isin(tracks.roles, slots))

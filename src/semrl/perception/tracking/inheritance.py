@@ -37,9 +37,8 @@ class InheritanceConfig:
 
     def __post_init__(self) -> None:
         if self.decisions < 0 or not self.fit > 0:
-            raise UsageError(
-                f"inheritance.decisions must be 0 or more and inheritance.fit above 0, not {self.decisions} and {self.fit}"
-            )
+            given = f"not {self.decisions} and {self.fit}"
+            raise UsageError(f"inheritance.decisions must be 0 or more and inheritance.fit above 0, {given}")
 
 
 class Inheritance(Saved):
