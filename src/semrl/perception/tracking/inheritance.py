@@ -45,10 +45,10 @@ class Inheritance(Saved):
     """What the new looks of an episode are taken for.
 
     A look is a class in a colour. One that was never met while slots were learned says nothing by itself: the
-    clusterer gives it the nearest class, which may be that of something else. How it behaves is compared with the habits
-    of each slot, as normal distributions that are independent of each other (naive Bayes), at every decision at which
-    it is seen to move. From then on it has the class and the colour of what it is likest, and all that goes by them:
-    role and slot, kind and concept, and the rules about these. What is known is never looked at.
+    clusterer gives it the nearest class, which may be that of something else. How it behaves is compared with the
+    habits of each slot, as normal distributions that are independent of each other (naive Bayes), at every decision at
+    which it is seen to move. From then on it has the class and the colour of what it is likest, and all that goes by
+    them: role and slot, kind and concept, and the rules about these. What is known is never looked at.
 
     Parameters
     ----------
