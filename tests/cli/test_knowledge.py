@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 
+import numpy as np
 import pyoxigraph as ox
 import pytest
 
@@ -12,6 +13,7 @@ from semrl.evaluation import evaluate, explain
 from semrl.evaluation.knowledge import load_knowledge
 from semrl.evaluation.player import load_player
 from semrl.evaluation.shield import shielded
+from semrl.knowledge.edits import Edit, write_log
 from semrl.knowledge.manchester import read_manchester
 from semrl.planning.goal_planner import GoalPlanner
 
@@ -181,3 +183,27 @@ def test_an_explanation_is_of_the_game_that_is_shielded(run, call):
     names = load_player(run).action_names
     for step in (3, 9):
         assert explain(run, episode=0, step=step).choice.action == names[done[step + 1]]
+
+
+def test_a_rule_that_is_switched_off_counts_for_nothing_until_it_is_on_again(run, call):
+    def rules():
+        return {one["name"]: one for one in json.loads(call("knowledge", run, "--json").out)["rules"]}
+
+    def imagined():
+        player = shielded(load_player(run, memory=True), run)
+        step = next(player.episode(0, 0))
+        sequences = np.zeros((1, 12), np.int64) + np.arange(len(player.action_names))[:, None]
+        return player.planning.world_model.imagine(step.record.history, sequences).states
+
+    before, known = imagined(), rules()
+    printed = json.loads(call("rules", run, "--json").out)["rules"]
+    assert set(known) == {one["name"] for one in printed} and all(one["enabled"] for one in known.values())
+    write_log(run, [Edit(do="disable", name=name) for name, one in known.items() if "the re" not in one["about"]])
+    assert not np.array_equal(imagined(), before)
+    write_log(run, [])
+    name = next(iter(known))
+    assert call("knowledge", run, "disable", name).status == 0
+    assert not rules()[name]["enabled"] and f"  {name}  " in call("knowledge", run).out
+    assert call("knowledge", run, "undo").status == 0
+    assert np.array_equal(imagined(), before)
+    assert "there is no defined class or rule 'r0'" in call("knowledge", run, "disable", "r0").message

@@ -35,6 +35,7 @@ class KnowledgeArguments:
       semrl knowledge runs/first add Low 'own.y > 66'
       semrl knowledge runs/first add High 'own.y < 25' --forbid
       semrl knowledge runs/first assert 'disjoint(ball, other)'
+      semrl knowledge runs/first disable r1c0ffee
       semrl knowledge runs/first undo
     """
 
@@ -43,7 +44,8 @@ class KnowledgeArguments:
     action: tyro.conf.Positional[Action] = "list"
     """What to do."""
     words: tyro.conf.Positional[tuple[str, ...]] = ()
-    """add: a name and a condition or a class expression; disable, enable: a name; assert: an axiom."""
+    """add: a name and a condition or a class expression; disable, enable: the name of a class, or of a rule as `semrl
+    rules` prints it; assert: an axiom."""
     forbid: bool = False
     """With add: plans keep out of the class."""
     of_things: bool = False
@@ -127,4 +129,6 @@ def _list(known: RunKnowledge) -> None:
         marks = [*(["forbidden"] if one["forbidden"] else []), *([] if one["enabled"] else ["disabled"])]
         play = f"  ({one['support']:,} decisions, error {one['error']:.1%})" if one["support"] else ""
         lines.append(f"  {one['name']} ({', '.join([one['origin'], *marks])}): {one['condition']}{play}")
+    if off := [one for one in entries["rules"] if not one["enabled"]]:
+        lines += ["rules that are switched off", *(f"  {one['name']}  {one['about']}: {one['says']}" for one in off)]
     console.print("\n".join(lines), soft_wrap=True, markup=False, highlight=False)

@@ -19,7 +19,8 @@ class RulesArguments:
     """Print the rules by which a run predicts what comes next: what changes by how much, and when.
 
     They are its first forest's trees, pruned to the rules that say most. Places of objects are in percent of the image,
-    from the left and from the top; RAM features in the emulator's pixels.
+    from the left and from the top; RAM features in the emulator's pixels. Each has a name, by which
+    `semrl knowledge RUN disable NAME` switches it off; those that are printed without --most.
 
     Example:  semrl rules runs/first --most 5
     """
@@ -37,9 +38,9 @@ def main(argv: Sequence[str]) -> None:
     arguments = parse(RulesArguments, argv, command="rules")
     found = load_rules(arguments.run, most=arguments.most)
     if arguments.json:
-        print(dumps({"run": str(arguments.run), "rules": [asdict(rule) for rule in found]}))
+        print(dumps({"run": str(arguments.run), "rules": [{"name": rule.key, **asdict(rule)} for rule in found]}))
         return
     for about, group in groupby(found, key=lambda rule: rule.about):
         console.print(f"[bold]{about}[/bold]")
         for rule in group:
-            console.print(f"  {sentence(rule)}", soft_wrap=True, markup=False, highlight=False)
+            console.print(f"  {rule.key}  {sentence(rule)}", soft_wrap=True, markup=False, highlight=False)

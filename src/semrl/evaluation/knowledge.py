@@ -1,6 +1,6 @@
 """The knowledge of a run, listed, edited and exported."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -8,12 +8,14 @@ from typing import Any
 from semrl.core.errors import UsageError
 from semrl.core.files import locked
 from semrl.evaluation.player import load_player
+from semrl.evaluation.rules import keys_of_rules
 from semrl.evaluation.words import words_of_run
 from semrl.knowledge.edits import LOG, Edit, Edited, edited, read_log, standing, write_log
 from semrl.knowledge.hermit import require_possible_to_hermit
 from semrl.knowledge.ontology import Ontology, Role, known
 from semrl.knowledge.writing import write_condition
 from semrl.training.folder import RunFolder
+from semrl.world_model.rules import Rule, sentence
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +30,8 @@ class RunKnowledge:
     """What all names begin with, as IRIs."""
     decisions: int
     """Of the training that it was learned in."""
+    rules: Mapping[str, Rule]
+    """By which it predicts, and which can be switched off: name → rule."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as ``--json`` prints it."""
@@ -60,6 +64,10 @@ class RunKnowledge:
                 }
                 for name, one in words.definitions.items()
             ],
+            "rules": [
+                {"name": name, "about": rule.about, "says": sentence(rule), "enabled": name not in self.now.disabled}
+                for name, rule in self.rules.items()
+            ],
             "edits": len(standing(self.edits)),
         }
 
@@ -81,6 +89,7 @@ def load_knowledge(run: str | Path) -> RunKnowledge:
         now=edited(learned, edits),
         base=RunFolder.open(Path(run)).base_iri,
         decisions=player.decisions,
+        rules=keys_of_rules(player),
     )
 
 
@@ -98,12 +107,14 @@ def edit_knowledge(run: str | Path, edit: Edit) -> RunKnowledge:
     if edit.do in ("add", "assert"):
         after = edited(before.learned, (*before.edits, edit)).words
         require_possible_to_hermit(before.now.words, after, f"'{edit.name}'")
-    edits, now = log_edit(run, before.learned, edit)
+    edits, now = log_edit(run, before.learned, edit, before.rules)
     return replace(before, edits=edits, now=now)
 
 
-def log_edit(run: str | Path, learned: Ontology, edit: Edit) -> tuple[tuple[Edit, ...], Edited]:
-    """Add an edit to the log of a run that has learned these words; return all edits and what is known now.
+def log_edit(
+    run: str | Path, learned: Ontology, edit: Edit, rules: Collection[str] = ()
+) -> tuple[tuple[Edit, ...], Edited]:
+    """Add an edit to the log of a run that has learned these words and rules; return all edits and what is known now.
 
     Raises
     ------
@@ -116,7 +127,7 @@ def log_edit(run: str | Path, learned: Ontology, edit: Edit) -> tuple[tuple[Edit
         if edit.do == "undo" and not standing(edits[:-1]):
             raise UsageError(f"there is no edit of {run} to take back")
         if edit.do in ("disable", "enable"):
-            known(edit.name, edited(learned, edits[:-1]).words.definitions, "defined class")
+            known(edit.name, (*edited(learned, edits[:-1]).words.definitions, *rules), "defined class or rule")
         now = edited(learned, edits)
         write_log(path, edits)
     return edits, now

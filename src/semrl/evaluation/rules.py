@@ -1,5 +1,6 @@
 """The rules by which a run predicts, for those who want to check them."""
 
+from collections.abc import Collection
 from pathlib import Path
 
 from semrl.core.errors import UsageError
@@ -42,6 +43,25 @@ def rule_book_of(player: Player, *, most: int = MOST) -> RuleBook | None:
     if not (world and world.is_fitted and isinstance(world, RulesThatFire)):
         return None
     return world.rule_book(_names(player), player.action_names, most=most, unit=unit_of(player))
+
+
+def switch_rules(player: Player, off: Collection[str]) -> None:
+    """Let the rules of some names (`Rule.key`) count for nothing in the plans of a player, and all others again.
+
+    Where one holds, no change comes but what goes on by itself, no reward and no return. Names of rules that are not
+    known, such as those of trees that have been grown anew since, are left out.
+    """
+    book = rule_book_of(player)
+    if book is not None:
+        assert player.planning is not None
+        assert isinstance(player.planning.world_model, RulesThatFire)
+        player.planning.world_model.switch_off(book.named(off))
+
+
+def keys_of_rules(player: Player) -> dict[str, Rule]:
+    """Return the rules of a player that can be switched off, by name: those of `semrl rules`, where trees predict."""
+    book = rule_book_of(player)
+    return {rule.key: rule for rules in book.trees for rule in rules.by_support} if book else {}
 
 
 def _names(player: Player) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from semrl.core import Floats, MapGraph, Plan
 from semrl.evaluation.player import Player, load_player
+from semrl.evaluation.rules import switch_rules
 from semrl.evaluation.words import RunWords, knowledge_of, words_of_run
 from semrl.knowledge.compiler import Classifier
 from semrl.knowledge.edits import Edited, enabled_forbidden, read_log
@@ -58,7 +59,7 @@ class Forbidden:
 
 
 def shielded(player: Player, run: str | Path) -> Player:
-    """Return a player that keeps out of what people have forbidden in a run; the same one where they have not.
+    """Return a player that obeys what people have forbidden or switched off in a run; the same one where nothing is.
 
     Plans are ranked by how soon and how often they are of a forbidden class before anything else. What the agent would
     do is exchanged for what is planned where it leads there sooner.
@@ -66,9 +67,9 @@ def shielded(player: Player, run: str | Path) -> Player:
     Raises
     ------
     UsageError
-        When something is forbidden and the run cannot predict what leads to it.
+        When something is forbidden or switched off and the run cannot predict.
     """
-    if not any(edit.forbidden for edit in read_log(Path(run))):
+    if not any(edit.forbidden or edit.do == "disable" for edit in read_log(Path(run))):
         return player
     player.require_predictions(run)
     words = words_of_run(player, run)
@@ -88,7 +89,11 @@ def load_shielded(run: str | Path, at: int | None = None, **conditions: Any) -> 
 
 
 def keeping_out(player: Player, words: RunWords, known: Edited) -> Player:
-    """Return a player with a map that keeps out of what is forbidden; the same one where nothing is. See `shielded`."""
+    """Return a player with a map that keeps out of what is forbidden; the same one where nothing is. See `shielded`.
+
+    Rules that are switched off count for nothing in its world model.
+    """
+    switch_rules(player, known.disabled)
     names, planning = enabled_forbidden(known), player.planning
     if not names or planning is None:
         return player

@@ -261,13 +261,16 @@ def _miss(session: WatchSession) -> float | None:
     return _rounded(float(apart.max()) / unit_of(session.player))
 
 
-def _rules(session: WatchSession) -> list[dict[str, str]]:
+def _rules(session: WatchSession) -> list[dict[str, Any]]:
     """Tell the rules that held for the decision that led here."""
     steps = [m.step for m in session.before(1)]
     if session.rules is None or len(steps) < 2 or steps[0].record is None or steps[1].action is None:
         return []
     fired = session.rules.fired(steps[0].record.history, steps[1].action)
-    return [{"about": rule.about, "says": sentence(rule)} for rule in fired]
+    off = session.teaching.known.disabled if session.teaching.known else ()
+    return [
+        {"name": rule.key, "about": rule.about, "says": sentence(rule), "on": rule.key not in off} for rule in fired
+    ]
 
 
 def _place(session: WatchSession, step: Step) -> dict[str, Any] | None:

@@ -11,6 +11,7 @@ from semrl.core.errors import UsageError
 from semrl.evaluation.goals import GoalWatch
 from semrl.evaluation.knowledge import log_edit
 from semrl.evaluation.player import Player
+from semrl.evaluation.rules import keys_of_rules
 from semrl.evaluation.shield import keeping_out
 from semrl.evaluation.words import RunWords, words_of_run
 from semrl.knowledge.compiler import Classifier
@@ -68,6 +69,8 @@ class Teaching:
         What can be said of its scenes; None where nothing can, and `trouble` says why.
     log : tuple of Edit
         What people have added, oldest first.
+    rules : dict of str to Rule
+        By which it predicts, and which can be switched off.
 
     Raises
     ------
@@ -82,6 +85,7 @@ class Teaching:
         self.log = tuple(read_log(folder))
         self._trained = player
         self._planner = player.planning.planner if player.planning else None
+        self.rules = keys_of_rules(player)
         self._watch: GoalWatch | None = None
         self._goal_planner: GoalPlanner | None = None
         self._text = ""
@@ -138,7 +142,7 @@ class Teaching:
             When it is refused, with the reason.
         """
         words, _ = self._required()
-        self.log, now = log_edit(self.folder, words.words, edit)
+        self.log, now = log_edit(self.folder, words.words, edit, self.rules)
         self._know(now)
 
     def player(self) -> Player:

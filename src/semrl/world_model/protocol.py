@@ -8,6 +8,7 @@ from semrl.core import Floats, History, Ints, Scenarios, Trajectory, Transitions
 from semrl.core.protocols import Learner, Persistent
 from semrl.world_model.experience import Experience
 from semrl.world_model.rules import Rule, RuleBook
+from semrl.world_model.switching import SwitchedOff
 
 
 class DynamicsModel(Persistent, Protocol):
@@ -99,10 +100,14 @@ class RuleBased(Protocol):
 
 @runtime_checkable
 class RulesThatFire(RuleBased, Protocol):
-    """A world model that can say which of its rules hold at a decision."""
+    """A world model that can say which of its rules hold at a decision, and do without some."""
 
     def rule_book(
         self, names: Sequence[str], actions: Sequence[str], *, most: int = 8, unit: float | None = None
     ) -> RuleBook:
         """Return the same rules, to be asked which of them hold at a decision."""
+        ...
+
+    def switch_off(self, rules: Sequence[SwitchedOff]) -> None:
+        """Let these rules count for nothing in what is imagined, and all others again."""
         ...

@@ -4,13 +4,15 @@ A forest's trees have hundreds of leaves; most of them correct a few cases. Prun
 (cost-complexity pruning, Breiman et al. 1984) the few that say most are left.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+import hashlib
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from semrl.core import Floats, History
 from semrl.core.errors import UsageError
+from semrl.world_model.switching import Region, SwitchedOff
 from semrl.world_model.tree_kernels import Relations
 from semrl.world_model.trees import Tree
 
@@ -34,6 +36,12 @@ class Rule:
     right: int | None = None
     """Of the decisions in which the conditions held, those in which the claim did; None where nothing is claimed."""
 
+    @property
+    def key(self) -> str:
+        """A name by which it can be switched off: the same for the same conditions about the same number."""
+        said = "\n".join((self.about, *self.conditions))
+        return "r" + hashlib.sha256(said.encode()).hexdigest()[:7]
+
     def __str__(self) -> str:
         """Say it in one line."""
         return f"{self.about}: {sentence(self)}"
@@ -46,6 +54,8 @@ class TreeRules:
     tree: Tree
     by_leaf: Mapping[int, Rule]
     """Node at which the pruned tree ends → its rule."""
+    regions: Mapping[int, Region]
+    """The same node → where its rule holds."""
 
     @property
     def by_support(self) -> list[Rule]:
@@ -74,6 +84,15 @@ class RuleBook:
         """Return the rule of each number that holds when an action is taken where a history ends."""
         row = self.see(history, action)
         return [rules.at(row) for rules in self.trees]
+
+    def named(self, keys: Collection[str]) -> list[SwitchedOff]:
+        """Return where the rules of some names hold; those that are not here are left out."""
+        return [
+            SwitchedOff(target, rules.regions[node])
+            for target, rules in enumerate(self.trees)
+            for node, rule in rules.by_leaf.items()
+            if rule.key in keys
+        ]
 
 
 def feature_names(names: Sequence[str], past_states: int, past_actions: int, relations: Relations) -> list[str]:
@@ -133,6 +152,7 @@ def read_tree(
         raise UsageError(f"at least one rule must be asked for, not {most}")
     leaves = _pruned(tree, most)
     found: dict[int, Rule] = {}
+    regions: dict[int, Region] = {}
     open_nodes: list[tuple[int, dict[int, tuple[float, float]]]] = [(0, {})]
     while open_nodes:
         node, bounds = open_nodes.pop()
@@ -145,12 +165,13 @@ def read_tree(
                 decisions=int(tree.rows[node]),
                 error=value_scale * float(np.sqrt(tree.errors[node])),
             )
+            regions[node] = tuple((column, *bound) for column, bound in bounds.items())
             continue
         column, cut = int(tree.columns[node]), float(tree.cuts[node])
         low, high = bounds.get(column, (-np.inf, np.inf))
         open_nodes.append((int(tree.left[node]), bounds | {column: (low, min(high, cut))}))
         open_nodes.append((int(tree.left[node]) + 1, bounds | {column: (max(low, cut), high)}))
-    return TreeRules(tree=tree, by_leaf=found)
+    return TreeRules(tree=tree, by_leaf=found, regions=regions)
 
 
 def sentence(rule: Rule) -> str:

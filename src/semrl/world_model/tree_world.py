@@ -12,6 +12,7 @@ from semrl.core.errors import UsageError
 from semrl.world_model.ensemble import GrownEnsemble
 from semrl.world_model.experience import Experience
 from semrl.world_model.rules import Rule, RuleBook, feature_names, read_tree
+from semrl.world_model.switching import SwitchedOff
 from semrl.world_model.tree_kernels import Relations, lay_out, width
 from semrl.world_model.trees import Forests
 
@@ -205,6 +206,10 @@ class TreeWorld(GrownEnsemble[Experience]):
             for target, (about, value_scale) in enumerate(subjects)
         ]
         return RuleBook(trees=tuple(trees), see=self._see)
+
+    def switch_off(self, rules: Sequence[SwitchedOff]) -> None:
+        """Let these rules count for nothing in what is imagined, and all others again."""
+        self.forests.switch_off(rules)
 
     def _see(self, history: History, action: int) -> Floats:
         """Return what trees see of a decision, ``(f,)``."""

@@ -17,6 +17,7 @@ from semrl.core import Floats, Ints
 from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.beside import Started
 from semrl.world_model.cart import bins_of, grow_tree
+from semrl.world_model.switching import SwitchedOff, without_rules
 from semrl.world_model.tree_kernels import NODE, Relations, ask, roll
 
 
@@ -47,6 +48,7 @@ class Forests:
     def __init__(self, members: int) -> None:
         self.members = members
         self._grown = [_Forest.empty() for _ in range(members)]
+        self._off: tuple[SwitchedOff, ...] = ()
         self._pack()
 
     def fit(
@@ -62,8 +64,11 @@ class Forests:
         """Grow trees for each column of ``(n, k)`` targets from ``(n, d)`` rows: those of a member, or all.
 
         A single forest learns from all rows, each of several from as many rows drawn with replacement. A tree's leaf
-        has at least its number of ``leaf_rows``, ``(k,)``. The last tree does not look at the column ``unseen``.
+        has at least its number of ``leaf_rows``, ``(k,)``. The last tree does not look at the column ``unseen``. Where
+        all are grown, no rule is switched off any more: the columns may be others.
         """
+        if member is None:
+            self._off = ()
         places, cuts = bins_of(rows)
         hidden = places.copy()
         if unseen is not None:
@@ -80,6 +85,11 @@ class Forests:
             self._grown[i] = _Forest.joined(last_first[::-1])
         self._pack()
         return self
+
+    def switch_off(self, rules: Sequence[SwitchedOff]) -> None:
+        """Let these rules count for nothing, and all others again; what was grown stays as it is."""
+        self._off = tuple(rules)
+        self._pack()
 
     def tree(self, target: int) -> Tree:
         """Return the first forest's tree for one of the predicted numbers."""
@@ -140,7 +150,8 @@ class Forests:
         return nest(**{str(i): forest.to_arrays() for i, forest in enumerate(self._grown)})
 
     def from_arrays(self, arrays: Arrays) -> None:
-        """Take over trees."""
+        """Take over trees; no rule is switched off then."""
+        self._off = ()
         self._grown = [_Forest(**unnest(arrays, str(i))) for i in range(self.members)]
         self._pack()
 
@@ -154,6 +165,8 @@ class Forests:
         self._packed["column"] = nodes[:, 0]
         self._packed["left"] = nodes[:, 1] + np.where(nodes[:, 0] >= 0, np.repeat(begins, sizes), 0)
         self._packed["cut"], self._packed["mean"] = np.concatenate([forest.numbers for forest in self._grown]).T
+        if self._off:
+            self._packed, self._roots = without_rules(self._packed, self._roots, self._off)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

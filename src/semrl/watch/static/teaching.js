@@ -3,10 +3,11 @@ import { $, fill, make, number, text } from "./page.js";
 
 let say = () => {};
 let asked = ""; // the form whose answer is awaited
+let can = false; // whether anything can be added
 
 export function askable(words, sayIt) { // once, when it is known what can be said of the run
   say = sayIt;
-  const can = !words.trouble;
+  can = !words.trouble;
   for (const id of ["goal-card", "taught-card"]) {
     for (const part of $(id).querySelectorAll("input, button")) part.disabled = !can;
   }
@@ -35,7 +36,7 @@ export function showTeaching(goal, taught, showStrip) {
   $("goal-drop").hidden = !goal;
   if (goal) showGoal(goal);
   $("no-classes").hidden = taught.classes.length > 0;
-  fill($("classes"), taught.classes.length, classRow, (row, i) => showClass(row, taught.classes[i]));
+  fill($("classes"), taught.classes.length, switchRow, (row, i) => showClass(row, taught.classes[i]));
   fill($("edits"), taught.edits.length, () => make("li"), (row, i) => {
     if (row.textContent !== taught.edits[i]) row.textContent = taught.edits[i];
   });
@@ -72,18 +73,36 @@ function showGoal({ goal, state, decisions, done, ahead, distance }) {
 
 const count = (n, what) => `${n.toLocaleString("en")} ${what}${n === 1 ? "" : "s"}`;
 
-function classRow() {
+function switchRow() {
   const box = make("input");
   box.type = "checkbox";
   box.onchange = () => edit("undo", { class: box.dataset.name, on: box.checked });
   return make("li", make("label", box, make("b"), make("span")), make("span"));
 }
 
+function showSwitch(box, name, on) {
+  box.dataset.name = name;
+  box.disabled = !can;
+  if (document.activeElement !== box) box.checked = on;
+}
+
+export function showRules(rules) {
+  fill($("rules"), rules.length, switchRow, (row, i) => {
+    const { name, about, says, on } = rules[i];
+    const [box, head, is] = row.children[0].children;
+    if (box.dataset.name !== name) box.blur(); // another rule stands here now
+    showSwitch(box, name, on);
+    head.textContent = about;
+    is.textContent = ` ${says}`;
+    row.children[1].textContent = on ? "" : "off";
+    row.className = on ? "" : "off";
+  });
+}
+
 function showClass(row, { name, condition, comment, forbidden, on, holds }) {
   const [label, tag] = row.children;
   const [box, head, is] = label.children;
-  box.dataset.name = name;
-  if (document.activeElement !== box) box.checked = on;
+  showSwitch(box, name, on);
   if (head.textContent !== name) head.textContent = name;
   is.textContent = ` ${condition}${comment ? ` – ${comment}` : ""}`;
   const now = Array.isArray(holds) ? holds.join(", ") : holds ? "holds now" : "";

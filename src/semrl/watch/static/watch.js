@@ -2,7 +2,7 @@
 // Names come from environments, files and people: they are only ever set as text.
 import { colourOf, drawCurve, drawMap, drawScreen } from "./drawing.js";
 import { $, fill, make, number, text } from "./page.js";
-import { answered, askable, showTeaching } from "./teaching.js";
+import { answered, askable, showRules, showTeaching } from "./teaching.js";
 
 const MAX_CURVE = 600;
 const PANELS_MS = 100; // nobody reads numbers thirty times a second, and laying them out costs
@@ -116,6 +116,7 @@ function showPanels() {
   showPlan(m.plan);
   showCame(m.came);
   showFacts(m.facts);
+  $("rules-card").hidden = !m.rules?.length;
   showRules(m.rules ?? []);
   showPlace(m.place);
   showTeaching(m.goal, m.taught, showStrip);
@@ -207,14 +208,6 @@ function showFacts(facts) {
     value.textContent = typeof facts[i].value === "boolean" ? (facts[i].value ? "yes" : "no") : number(facts[i].value, 2);
     change.textContent = facts[i].change ? `${facts[i].change > 0 ? "+" : ""}${number(facts[i].change, 2)}` : "";
     change.className = facts[i].change ? "moves" : "";
-  });
-}
-
-function showRules(rules) {
-  $("rules-card").hidden = !rules.length;
-  fill($("rules"), rules.length, () => make("li", make("b"), make("span")), (row, i) => {
-    row.children[0].textContent = rules[i].about;
-    row.children[1].textContent = ` ${rules[i].says}`;
   });
 }
 
