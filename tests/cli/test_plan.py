@@ -28,6 +28,9 @@ def test_plans_are_told(world, call, tmp_path):
     [
         (["--goal", "nowhere"], "there is no goal"),
         (["--goal", "gain"], "has no gain"),
+        (["--goal", "0,0"], "at 0,0 lay solid"),
+        (["--goal", "3,40"], "columns, counted from 0"),
+        (["--goal", "solid0"], "nothing of solid0 was ever entered"),
         (["--trials", "-1"], "0 or more"),
         (["--env", "semrl/Catch-v0"], "another world"),
     ],

@@ -1,9 +1,12 @@
 """Words for what cells hold, and goals in these words."""
 
 import re
+from collections.abc import Sequence
+
+import numpy as np
 
 from semrl.core.errors import UsageError
-from semrl.planning.symbolic.cells import OUTSIDE, CellConcepts, GridState
+from semrl.planning.symbolic.cells import OUTSIDE, CellConcepts, GridEpisode, GridState
 from semrl.planning.symbolic.operators import Operators
 from semrl.planning.symbolic.search import SymbolicGoal
 
@@ -46,3 +49,30 @@ def read_symbolic_goal(text: str, concepts: CellConcepts, operators: Operators) 
             return SymbolicGoal(concept=concept)
     known = ", ".join(name for concept, name in names.items() if concept >= 0)
     raise UsageError(f"there is no goal '{text[:60]}'; there are gain, end, row,column such as 3,4, and {known}")
+
+
+def require_reachable(
+    goal: SymbolicGoal, episodes: Sequence[GridEpisode], concepts: CellConcepts, operators: Operators
+) -> None:
+    """Check that a goal is somewhere that can be entered, as far as the play has shown.
+
+    Raises
+    ------
+    UsageError
+        When the place is outside of the world, or nothing was ever entered that lay there; or nothing of the concept
+        was. The message says why.
+    """
+    names = concept_names(concepts, operators)
+    if goal.concept is not None and names[goal.concept].startswith("solid"):
+        raise UsageError(f"the goal cannot be had: nothing of {names[goal.concept]} was ever entered")
+    if goal.place is None:
+        return
+    rows, columns = (max(episode.grids.shape[axis] for episode in episodes) for axis in (1, 2))
+    row, column = goal.place
+    if row >= rows or column >= columns:
+        raise UsageError(f"the goal cannot be had: the world has {rows} rows and {columns} columns, counted from 0")
+    met = np.unique(np.concatenate([episode.grids[:, row, column] for episode in episodes])).tolist()
+    lay = {names[concepts.concept_of[kind]] for kind in met if kind in concepts.concept_of}
+    if all(kind in concepts.concept_of for kind in met) and all(name.startswith("solid") for name in lay):
+        what = " or ".join(sorted(lay))
+        raise UsageError(f"the goal cannot be had: at {row},{column} lay {what} alone, which was never entered")

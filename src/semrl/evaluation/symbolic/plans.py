@@ -9,7 +9,7 @@ from typing import Literal
 from semrl.core.errors import UsageError
 from semrl.envs import Game, make_env
 from semrl.envs.environment import EnvironmentConfig
-from semrl.evaluation.symbolic.naming import concept_names, read_symbolic_goal
+from semrl.evaluation.symbolic.naming import concept_names, read_symbolic_goal, require_reachable
 from semrl.evaluation.symbolic.world import Record, SymbolicWorld
 from semrl.planning.symbolic.cells import CellConcepts, GridState
 from semrl.planning.symbolic.downward import fast_downward
@@ -82,13 +82,14 @@ def play_plans(
     Raises
     ------
     UsageError
-        When there is no play, or the goal is unknown.
+        When there is no play, or the goal is unknown or cannot be had.
     """
     if min(trials, seed or 0) < 0 or max_decisions < 1:
         raise UsageError("trials and seed must be 0 or more, and decisions 1 or more")
     world = SymbolicWorld.load(Path(run))
     concepts, operators = world.learn()
     sought = read_symbolic_goal(goal, concepts, operators)
+    require_reachable(sought, world.episodes, concepts, operators)
     outcomes: list[tuple[int | None, int | None]] = []
     with contextlib.closing(make_env(world.env, EnvironmentConfig(frame_skip=1))) as made:
         game = Game(made, 0)
