@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from semrl.core import Floats, MapGraph
 from semrl.core.errors import UsageError
 from semrl.envs import Game
+from semrl.envs.actions import Env
 from semrl.evaluation.player import Player, load_player
+from semrl.evaluation.rules import switch_rules
 from semrl.evaluation.scores import EVALUATION_SEED
 from semrl.evaluation.shield import keeping_out
 from semrl.evaluation.words import RunWords, knowledge_of, node_states, words_of_run
@@ -165,20 +167,79 @@ def play_for_goal(
     UsageError
         When there is no such run, it cannot predict, the goal is malformed or in unknown words, or it cannot be had.
     """
-    if trials < 1 or max_decisions < 1 or (seed is not None and seed < 0):
-        raise UsageError("trials and decisions must be 1 or more, and seed 0 or more")
-    player, watch = _prepared(run, policy, text, hold=hold, until=until, avoid=avoid)
-    seed = player.config.seed + EVALUATION_SEED if seed is None else seed
+    if trials < 1 or max_decisions < 1:
+        raise UsageError("trials and decisions must be 1 or more")
     ended: list[int | None] = []
-    with limited_threads(player.config.threads), contextlib.closing(player.new_env()) as env:
+    with goal_trials(run, text, hold=hold, until=until, avoid=avoid, seed=seed, policy=policy) as made:
         for trial in range(trials):
-            rng = np.random.default_rng([seed, trial])
-            game = Game(env, int(rng.integers(2**31)))
-            steps = _trial(player.view(plans=policy != "random"), game, watch, _chooser(player, game, rng, policy))
-            ended.append(_outcome(steps, watch, max_decisions, partial(on_step, trial)))
+            ended.append(made.play(trial, max_decisions, on_step=partial(on_step, trial)))
             on_trial(trial, ended[-1])
     reached = sum(one is not None for one in ended)
     return GoalResult(run=str(run), goal=text, trials=trials, reached=reached, share=reached / trials, decisions=ended)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GoalTrials:
+    """Trials for one goal. One of the same number begins alike, whoever plays it."""
+
+    player: Player
+    watch: GoalWatch
+    policy: GoalPolicy
+    seed: int
+    env: Env
+
+    def play(
+        self,
+        trial: int,
+        max_decisions: int = TRIAL_DECISIONS,
+        *,
+        choose: Callable[[Step], int] | None = None,
+        on_step: Callable[[Step], None] = lambda _step: None,
+    ) -> int | None:
+        """Play a trial; return after how many decisions the goal was reached, None where it was not.
+
+        Parameters
+        ----------
+        trial
+            Its number.
+        max_decisions
+            After which it ends.
+        choose
+            Decides in place of the policy; what it decides by is not planned for.
+        on_step
+            Called with every decision.
+        """
+        rng = np.random.default_rng([self.seed, trial])
+        game = Game(self.env, int(rng.integers(2**31)))
+        view = self.player.view(plans=choose is None and self.policy != "random")
+        chosen = choose or _chooser(self.player, game, rng, self.policy)
+        return _outcome(_trial(view, game, self.watch, chosen), self.watch, max_decisions, on_step)
+
+
+@contextlib.contextmanager
+def goal_trials(
+    run: str | Path,
+    text: str,
+    *,
+    hold: int = 1,
+    until: str | None = None,
+    avoid: str | None = None,
+    seed: int | None = None,
+    policy: GoalPolicy = "goal",
+) -> Iterator[GoalTrials]:
+    """Make the trials of `play_for_goal`, one by one.
+
+    Raises
+    ------
+    UsageError
+        As there.
+    """
+    if seed is not None and seed < 0:
+        raise UsageError("seed must be 0 or more")
+    player, watch = _prepared(run, policy, text, hold=hold, until=until, avoid=avoid)
+    seed = player.config.seed + EVALUATION_SEED if seed is None else seed
+    with limited_threads(player.config.threads), contextlib.closing(player.new_env()) as env:
+        yield GoalTrials(player=player, watch=watch, policy=policy, seed=seed, env=env)
 
 
 def _prepared(
@@ -195,6 +256,7 @@ def _prepared(
     require_possible_goal(goal, words.words)
     watch = GoalWatch(goal, words, planning)
     if policy == "goal":
+        switch_rules(player, known.disabled)
         planning.planner = GoalPlanner(planning.planner, watch, planning.config.long_term)
         return player, watch
     return keeping_out(player, words, known), watch
