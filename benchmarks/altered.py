@@ -30,9 +30,6 @@ from semrl.perception.perception import Perception
 from semrl.training.session import limited_threads
 from semrl.world_model import TreeWorld
 
-LONGEST = 16_000
-"""Decisions of a game: after 65,212 frames the cartridge ends it and sets its score back, which counts as points."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments:
@@ -47,6 +44,9 @@ class Arguments:
     """What is played; "": the game as it is."""
     episodes: int = 10
     """Games of each policy in each world."""
+    longest: int = 16_000
+    """Decisions of a game: after 65,212 frames the cartridge of Pong ends it and sets its score back, which counts as
+    points."""
     adapting: int = 1_000
     """Decisions of the new world from which the planner's model learns before it plays once more; 0: it does not."""
     inherits: tuple[bool, ...] = (True,)
@@ -63,11 +63,12 @@ class Score:
     variant: str
     inherits: bool
     policy: str
+    returns: list[float]
     mean: float
     min: float
     max: float
     decisions: float
-    """Mean length of a game, 16,000 at most: of games that nobody wins, how slowly they are lost."""
+    """Mean length of a game: of games that nobody wins, how slowly they are lost."""
 
 
 def main(arguments: Arguments) -> None:
@@ -97,11 +98,11 @@ def play(run: Path, arguments: Arguments) -> Iterator[Score]:
         with limited_threads(player.config.threads):
             policies: tuple[Policy, ...] = ("agent", "planner") if player.planning else ("agent",)
             for policy in policies:
-                yield _score(run, variant, inherits, policy, _games(player, policy, arguments.episodes))
+                yield _score(run, variant, inherits, policy, _games(player, policy, arguments))
             if player.planning and variant and arguments.adapting:
                 adapt(player, arguments.adapting)
                 who = f"planner, after {arguments.adapting:,} decisions"
-                yield _score(run, variant, inherits, who, _games(player, "planner", arguments.episodes))
+                yield _score(run, variant, inherits, who, _games(player, "planner", arguments))
 
 
 def inherit(player: Player, on: bool) -> None:
@@ -133,14 +134,14 @@ def adapt(player: Player, decisions: int) -> None:
         episode += 1
 
 
-def _games(player: Player, policy: Policy, episodes: int) -> list[tuple[float, int]]:
+def _games(player: Player, policy: Policy, arguments: Arguments) -> list[tuple[float, int]]:
     """Play, and return of each game the return and how many decisions it took."""
     games = []
-    for episode in range(episodes):
+    for episode in range(arguments.episodes):
         rng = np.random.default_rng([EVALUATION_SEED, 0, episode])
         decisions = 0
         steps = player.play(player.new_game(int(rng.integers(2**31))), rng, policy)
-        for step in islice(steps, LONGEST + 1):
+        for step in islice(steps, arguments.longest + 1):
             total = step.total
             decisions += step.action is not None
         games.append((total, decisions))
@@ -154,6 +155,7 @@ def _score(run: Path, variant: str, inherits: bool, policy: str, games: list[tup
         variant=variant or "as trained",
         inherits=inherits,
         policy=policy,
+        returns=list(returns),
         mean=float(np.mean(returns)),
         min=min(returns),
         max=max(returns),

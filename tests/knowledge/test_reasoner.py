@@ -7,11 +7,12 @@ import pyoxigraph as ox
 import pytest
 from scenes import WORDS, scenes
 
+from semrl.knowledge.closed import SCENE_NAME, closed_scene
 from semrl.knowledge.compiler import Classifier, entail, role_axioms
 from semrl.knowledge.condition import read_condition
 from semrl.knowledge.consistency import satisfiable
 from semrl.knowledge.ontology import Definition
-from semrl.knowledge.owl import node, to_triples
+from semrl.knowledge.owl import to_triples
 from semrl.knowledge.scene_classes import CHANCE, DANGER, SceneClassesConfig, learn_scene_classes
 
 owlready2 = pytest.importorskip("owlready2", reason="needs the extra 'dl'")
@@ -37,48 +38,6 @@ def named_words():
     for i, text in enumerate(text.replace("top", "thing") for text in TEXTS):
         words = words.having(**{f"C{i}": Definition(expression=read_condition(text, words))})
     return words
-
-
-def abox(words, scene, s, told):
-    """Return the closed ABox of a scene: all that holds, and that nothing else does."""
-    n = scene.present.shape[1]
-    there = np.flatnonzero(scene.present[s]).tolist()
-
-    def name(i):
-        return told.own(list(words.individuals)[i - 1]) if 1 <= i <= len(words.individuals) else told.own(f"i{i}")
-
-    for i in there:
-        told.add(name(i), "rdf:type", node("owl:NamedIndividual"))
-        if i == 0:
-            told.add(name(i), "rdf:type", told.own("Scene"))
-        for c, concept in enumerate(words.concepts):
-            holds = scene.classes[s, c, i]
-            told.add(
-                name(i), "rdf:type", told.own(concept) if holds else told._class("owl:complementOf", told.own(concept))
-            )
-        for r, role in enumerate(words.role_names):
-            others = [j for j in range(n) if scene.roles[s, r, i, j]]
-            for j in others:
-                told.found.append(ox.Triple(name(i), told.own(role), name(j)))
-            only = told._class("owl:oneOf", told.list_of([name(j) for j in others])) if others else node("owl:Nothing")
-            told.add(name(i), "rdf:type", told.restriction(role, allValuesFrom=only))
-        for d, number in enumerate(words.numbers):
-            value = scene.numbers[s, d, i]
-            if np.isnan(value):
-                none = told.restriction(number, allValuesFrom=told._class("owl:complementOf", node("rdfs:Literal")))
-                del none  # no facet holds of what has no number: said below
-                told.add(
-                    name(i),
-                    "rdf:type",
-                    told.restriction(number, cardinality=ox.Literal("0", datatype=node("xsd:nonNegativeInteger"))),
-                )
-            else:
-                told.found.append(
-                    ox.Triple(name(i), told.own(number), ox.Literal(repr(float(value)), datatype=node("xsd:double")))
-                )
-    blank = told.blank()
-    told.add(blank, "rdf:type", node("owl:AllDifferent"))
-    told.add(blank, "owl:distinctMembers", told.list_of([name(i) for i in there]))
 
 
 def reason(triples, tmp_path):
@@ -116,17 +75,13 @@ def test_classes_learned_from_play_are_those_that_hermit_finds(tmp_path):
 
 def check(seed, tmp_path, words=None, place=0, **drawn):
     """Compare the classes of a scene, of those that a seed draws, with what HermiT finds."""
-    from semrl.knowledge.owl import _Triples
-
     words = words or named_words()
     scene = scenes(seed, **(drawn or {"things": 3}))
     entail(scene, role_axioms(words))
     names = list(words.definitions)
     held = Classifier(words).of_scenes(scene, names)[place]
-    told = _Triples(BASE, found=list(to_triples(words, BASE)), blanks=10_000)
-    abox(words, scene, place, told)
-    world = reason(told.found, tmp_path)
-    found = {one.name for one in world[f"{BASE}i0"].INDIRECT_is_a if hasattr(one, "name")}
+    world = reason(closed_scene(words, scene, place, BASE), tmp_path)
+    found = {one.name for one in world[f"{BASE}{SCENE_NAME}"].INDIRECT_is_a if hasattr(one, "name")}
     assert [name in found for name in names] == held.tolist()
 
 

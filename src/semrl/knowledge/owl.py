@@ -36,7 +36,7 @@ _Term = ox.NamedNode | ox.BlankNode | ox.Literal
 
 
 @dataclass
-class _Triples:
+class Triples:
     """Triples of one ontology; blank nodes are numbered, so that equal ontologies give equal files."""
 
     base: str
@@ -44,13 +44,16 @@ class _Triples:
     blanks: int = 0
 
     def add(self, subject: ox.NamedNode | ox.BlankNode, predicate: str, value: _Term) -> None:
+        """Note a triple."""
         self.found.append(ox.Triple(subject, node(predicate), value))
 
     def blank(self) -> ox.BlankNode:
+        """Return the next blank node."""
         self.blanks += 1
         return ox.BlankNode(f"b{self.blanks}")
 
     def own(self, name: str) -> ox.NamedNode:
+        """Return the node of a name of the ontology's own."""
         return ox.NamedNode(self.base + name)
 
     def list_of(self, members: Sequence[_Term]) -> _Term:
@@ -64,6 +67,7 @@ class _Triples:
         return rest
 
     def restriction(self, role: str, **said: _Term) -> ox.BlankNode:
+        """Return the class of what is said of a property."""
         blank = self.blank()
         self.add(blank, "rdf:type", node("owl:Restriction"))
         self.add(blank, "owl:onProperty", self.own(role))
@@ -91,9 +95,9 @@ class _Triples:
                 return node("owl:Thing" if isinstance(expression, Top) else "owl:Nothing")
             case And(parts) | Or(parts):
                 joint = "owl:intersectionOf" if isinstance(expression, And) else "owl:unionOf"
-                return self._class(joint, self.list_of([self.of(part) for part in parts]))
+                return self.combined(joint, self.list_of([self.of(part) for part in parts]))
             case Not(part):
-                return self._class("owl:complementOf", self.of(part))
+                return self.combined("owl:complementOf", self.of(part))
             case Some(role, filler):
                 return self.restriction(role, someValuesFrom=self.of(filler))
             case Only(role, filler):
@@ -109,7 +113,8 @@ class _Triples:
             case Facet(number, comparison, bound):
                 return self.restriction(number, someValuesFrom=self.bounded([(comparison, bound)]))
 
-    def _class(self, joint: str, value: _Term) -> ox.BlankNode:
+    def combined(self, joint: str, value: _Term) -> ox.BlankNode:
+        """Return the class that a predicate such as ``owl:unionOf`` makes of a value."""
         blank = self.blank()
         self.add(blank, "rdf:type", node("owl:Class"))
         self.add(blank, joint, value)
@@ -137,7 +142,7 @@ def to_triples(
     OWL 2 DL counts along simple roles only, so that what makes a role that is counted along transitive, or follow from
     chains, is left out.
     """
-    triples = _Triples(base)
+    triples = Triples(base)
     _ontology(triples, about, provenance or {})
     _classes(triples, words)
     _roles(triples, words)
@@ -152,7 +157,7 @@ def write_owl(triples: Sequence[ox.Triple], base: str, suffix: str) -> bytes:
     return file.getvalue()
 
 
-def _ontology(triples: _Triples, about: str, provenance: Mapping[str, str]) -> None:
+def _ontology(triples: Triples, about: str, provenance: Mapping[str, str]) -> None:
     head = ox.NamedNode(triples.base.rstrip("#/"))
     triples.add(head, "rdf:type", node("owl:Ontology"))
     if about:
@@ -163,7 +168,7 @@ def _ontology(triples: _Triples, about: str, provenance: Mapping[str, str]) -> N
         triples.add(node(annotation), "rdf:type", node("owl:AnnotationProperty"))
 
 
-def _classes(triples: _Triples, words: Ontology) -> None:
+def _classes(triples: Triples, words: Ontology) -> None:
     for name, comment in {SCENE: SCENES, **words.concepts}.items():
         _named(triples, name, "owl:Class", comment)
     for below, above in words.parents:
@@ -187,7 +192,7 @@ def _classes(triples: _Triples, words: Ontology) -> None:
             triples.add(triples.own(name), "semrl:error", _double(definition.error))
 
 
-def _roles(triples: _Triples, words: Ontology) -> None:
+def _roles(triples: Triples, words: Ontology) -> None:
     counted = counted_roles(words)
     _named(triples, "contains", "owl:ObjectProperty", "From a scene to its things.")
     triples.add(triples.own("contains"), "rdfs:domain", triples.own(SCENE))
@@ -217,7 +222,7 @@ def counted_roles(words: Ontology) -> set[str]:
     return {part.role for part in every if isinstance(part, AtLeast | AtMost | HasSelf)}
 
 
-def _individuals(triples: _Triples, words: Ontology) -> None:
+def _individuals(triples: Triples, words: Ontology) -> None:
     for name, concept in words.individuals.items():
         _named(triples, name, "owl:NamedIndividual", "")
         triples.add(triples.own(name), "rdf:type", triples.own(concept))
@@ -227,7 +232,7 @@ def _individuals(triples: _Triples, words: Ontology) -> None:
         triples.add(blank, "owl:distinctMembers", triples.list_of([triples.own(name) for name in words.individuals]))
 
 
-def _named(triples: _Triples, name: str, kind: str, comment: str) -> None:
+def _named(triples: Triples, name: str, kind: str, comment: str) -> None:
     triples.add(triples.own(name), "rdf:type", node(kind))
     triples.add(triples.own(name), "rdfs:label", ox.Literal(name.replace("_", " ")))
     if comment:

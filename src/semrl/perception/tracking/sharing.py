@@ -25,7 +25,7 @@ class SharedSlots(Saved):
 
     Where more things of a kind are seen than while slots were learned, one has the slot, and the others none. What
     has been learned of the slot holds for each of them. So each has it once: with its own past, in a list that
-    is otherwise the same. A slot is shared when its kind had a slot for each thing that was met.
+    is otherwise the same. Where more things move than there are slots, as in a crowd, no slot is shared.
 
     Parameters
     ----------

@@ -163,12 +163,12 @@ class SlotAssigner(Saved):
 
     @property
     def shared_(self) -> NDArray[np.bool_]:
-        """Whether other things may have each slot as well, ``(k,)``: there was one for each of its kind that was met.
+        """Whether other things may have each slot as well, ``(k,)``: all that moved while roles were learned had one.
 
         What actions move is alone.
         """
-        without = np.setdiff1d(np.flatnonzero(self._matter), self.slots_)
-        return ~self.controlled_[self.slots_] & ~np.isin(self.kinds_[self.slots_], self.kinds_[without])
+        room = bool(np.isin(np.flatnonzero(self._matter), self.slots_).all())
+        return ~self.controlled_[self.slots_] & room
 
     @property
     def at_rest_(self) -> Floats:
