@@ -18,7 +18,8 @@ from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.beside import Started
 from semrl.world_model.cart import bins_of, grow_tree
 from semrl.world_model.switching import SwitchedOff, without_rules
-from semrl.world_model.tree_kernels import NODE, Relations, ask, roll
+from semrl.world_model.tree_kernels import NODE, Relations, ask
+from semrl.world_model.tree_rolling import roll
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -11,7 +11,7 @@ from semrl.core.kernels import compiled
 from semrl.world_model.lifted.features import PAST_ACTIONS, Kinds, describe, width
 from semrl.world_model.lifted.motion import ABSOLUTE
 from semrl.world_model.lifted.play import ENTRY
-from semrl.world_model.tree_kernels import branches
+from semrl.world_model.tree_rolling import branches
 
 _AWAY = -2
 """Of a thing whose successor will come in, in place of its concept: this, less the concept; its age is how soon."""
