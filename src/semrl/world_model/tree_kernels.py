@@ -118,7 +118,7 @@ def descend(trees: Trees, rows: Floats, counts: Ints, predicted: Floats) -> None
     left, groups = _begun(roots, counts, (at, of, who), (columns * lanes, targets * places, places))
     while left:
         following = np.uint64(0)
-        for way in range(np.uint64(left)):
+        for way in range(left):
             node, group, members = nodes[at[way]], of[way], who[way]
             first, output, n = groups[group]
             if node.column < 0:
@@ -133,7 +133,7 @@ def descend(trees: Trees, rows: Floats, counts: Ints, predicted: Floats) -> None
                 next_at[following], next_of[following], next_who[following] = node.left + side, group, some
                 following += np.uint64(some != 0)
         at, next_at, of, next_of, who, next_who = next_at, at, next_of, of, next_who, who
-        left = following
+        left = int(np.int64(following))
 
 
 @compiled
