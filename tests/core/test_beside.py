@@ -7,7 +7,7 @@ import threading
 import pytest
 
 from semrl.core import beside
-from semrl.core.beside import Started
+from semrl.core.beside import Started, in_turn
 
 
 @pytest.fixture(params=[1, 2])
@@ -61,3 +61,18 @@ def test_a_forked_process_has_a_thread_of_its_own(monkeypatch):
     child.start()
     assert answers.get(timeout=20) == 49
     child.join(20)
+
+
+def test_calls_are_made_in_turn_elsewhere_and_all_by_the_end():
+    calls, threads = [], set()
+    with in_turn(3) as later:
+        for i in range(20):
+            later(lambda i=i: calls.append(i) or threads.add(threading.get_ident()))
+            assert len(calls) >= i + 1 - 4  # three may wait while one is made
+    assert calls == list(range(20))
+    assert threading.get_ident() not in threads and len(threads) == 1
+
+
+def test_what_fails_in_turn_is_raised_by_the_end_at_the_latest():
+    with pytest.raises(ZeroDivisionError), in_turn(3) as later:
+        later(lambda: 1 / 0)

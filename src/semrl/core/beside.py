@@ -1,7 +1,9 @@
 """Work beside the caller's, on a second processor where there is one; it changes when things are done, never what."""
 
+import contextlib
 import os
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Generic, TypeVar
 
@@ -28,6 +30,26 @@ class Started(Generic[Result]):
         if self._future is None or self._future.cancel():
             return self._function()
         return self._future.result()
+
+
+@contextlib.contextmanager
+def in_turn(most_waiting: int) -> Iterator[Callable[[Callable[[], None]], None]]:
+    """Give a function that takes calls, which are made on another thread in that order, and all by the block's end.
+
+    It waits where so many calls wait, and raises what an earlier call raised; those after that one are made all the
+    same.
+    """
+    waiting: deque[Future[None]] = deque()
+    with ThreadPoolExecutor(1, thread_name_prefix="semrl-in-turn") as thread:
+
+        def later(call: Callable[[], None]) -> None:
+            waiting.append(thread.submit(call))
+            while waiting and (len(waiting) > most_waiting or waiting[0].done()):
+                waiting.popleft().result()
+
+        yield later
+        for call in waiting:
+            call.result()
 
 
 def processors() -> int:

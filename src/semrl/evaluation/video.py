@@ -12,6 +12,7 @@ import numpy as np
 from PIL import Image as Picture
 
 from semrl.core import IMAGE_SIZE_PX, Floats, Frame, Ints, Sight, StateSpace
+from semrl.core.beside import in_turn
 from semrl.core.errors import SemrlError, UsageError
 from semrl.core.files import temporary_name
 from semrl.evaluation.player import load_player
@@ -28,6 +29,8 @@ MAX_GIF_FRAMES = 12 * GIF_RATE
 _CODECS = ("libx264", "libopenh264", "mpeg4")  # the first that this build of FFmpeg has
 _QUICKLY = {"preset": "veryfast"}
 """What libx264 is told, and the others do not know: its usual effort takes twice the processor time of this."""
+_MOST_WAITING = 512
+"""Moments that play may be ahead of the film, 0.1 MB each in a game of Atari."""
 _DARK, _LIGHT = 20, (214, 218, 224)
 _GAP_PX, _LINE_PX = 24, 32
 
@@ -59,8 +62,8 @@ def recorder(run: Path, video: Path | None) -> Iterator[Callable[[int, Step], No
         eyes = encoder.begin()
 
         def on_step(episode: int, step: Step) -> None:
-            if episode == 0 and film.n_frames < MAX_VIDEO_FRAMES:
-                film.add(compose(encoder.space, step, look(eyes, step.observation)[1]))
+            if episode == 0 and step.number < MAX_VIDEO_FRAMES:
+                film(encoder.space, step, look(eyes, step.observation)[1])
 
         yield on_step
 
@@ -69,17 +72,20 @@ def write_video(video: Path, space: StateSpace, moments: Iterable[tuple[Step, Si
     """Write what was played and seen as an ``.mp4`` or ``.gif`` file; see `recorder`."""
     with _filming(video) as film:
         for step, sight in itertools.islice(moments, MAX_VIDEO_FRAMES):
-            film.add(compose(space, step, sight))
+            film(space, step, sight)
 
 
 @contextlib.contextmanager
-def _filming(video: Path) -> Iterator["_Film"]:
-    """Give a film to add pictures to; it is the file when the block ends well, and nothing else."""
+def _filming(video: Path) -> Iterator[Callable[[StateSpace, Step, Sight], None]]:
+    """Give a function that films a moment, beside play; the film is the file when the block ends well, and only then.
+
+    Drawing and writing a picture takes longer than the decision that it shows.
+    """
     temporary = _writable(video)
     try:
         kind = _Gif if video.suffix.lower() == ".gif" else _Film
-        with contextlib.closing(kind(temporary)) as film:
-            yield film
+        with contextlib.closing(kind(temporary)) as film, in_turn(_MOST_WAITING) as later:
+            yield lambda space, step, sight: later(lambda: film.add(compose(space, step, sight)))
         if film.n_frames:
             temporary.replace(video)
     except av.FFmpegError as error:
