@@ -7,9 +7,12 @@ import pytest
 import torch
 
 from semrl.agents import DQN, DQNConfig, NetworkConfig
+from semrl.agents.torch_updates import TorchUpdates
 from semrl.agents.vector_network import VectorNetwork
+from semrl.agents.vector_updates import VectorUpdates
 from semrl.core import AgentObservation, StateSpace
 from semrl.core.arrays import unnest
+from semrl.core.errors import SemrlError
 
 SIZE, ACTIONS = 5, 3
 NETWORKS = [
@@ -69,9 +72,9 @@ def test_a_gradient_is_that_of_pytorch(network, settings):
             side.state_input.fit(*(torch.from_numpy(x) for x in agent.replay.latest(39)))
     for _ in range(3):
         batch = agent._sample()
-        loss, gradients = agent._compiled.loss_and_gradients(batch, ACTIONS)
-        agent._update_in_torch(batch, 1e-3)  # leaves its gradients behind
-        assert loss == pytest.approx(agent.loss_, abs=1e-6)
+        loss, gradients = agent._updates.loss_and_gradients(batch)
+        in_torch = TorchUpdates(agent.config, agent.network, agent.target, ACTIONS)
+        assert loss == pytest.approx(in_torch.update(batch, 1e-3), abs=1e-6)  # leaves its gradients behind
         expected = [parameter.grad.numpy() for parameter in agent.network.parameters()]
         assert len(gradients) == len(expected)
         for gradient, other in zip(gradients, expected, strict=True):
@@ -82,7 +85,7 @@ def test_a_gradient_is_that_of_pytorch(network, settings):
 @pytest.mark.parametrize("settings", [{}, RICH])
 def test_after_many_updates_the_networks_are_those_of_pytorch(network, settings):
     ours, theirs = agent_of(network, **settings), agent_of(network, **settings)
-    theirs._compiled = None
+    theirs._updates = TorchUpdates(theirs.config, theirs.network, theirs.target, ACTIONS)
     for agent in (ours, theirs):
         play(agent, 240, 5, 2)
     assert ours.updates_ == theirs.updates_ == 201
@@ -97,7 +100,7 @@ def test_after_many_updates_the_networks_are_those_of_pytorch(network, settings)
 
 def test_what_was_learned_in_compiled_code_goes_on_in_pytorch():
     ours, theirs = agent_of(NETWORKS[1], **RICH), agent_of(NETWORKS[1], **RICH)
-    theirs._compiled = None
+    theirs._updates = TorchUpdates(theirs.config, theirs.network, theirs.target, ACTIONS)
     play(ours, 120, 5, 2)
     theirs.from_arrays({name: array.copy() for name, array in ours.to_arrays().items()})
     for agent in (ours, theirs):
@@ -120,14 +123,19 @@ def test_what_is_restored_goes_on_bit_for_bit(before):
         np.testing.assert_array_equal(array, again[name], err_msg=name)
 
 
-def test_a_loss_that_is_no_number_stops_learning():
+@pytest.mark.parametrize("made_by", [TorchUpdates, VectorUpdates])
+def test_a_loss_that_is_no_number_stops_learning_and_leaves_the_weights(made_by):
     agent = agent_of(NETWORKS[1], **RICH)
+    agent._updates = made_by(agent.config, agent.network, agent.target, ACTIONS)
     play(agent, 39, 0, 2)
+    before = [parameter.detach().clone() for parameter in agent.network.parameters()]
     batch = agent._sample()
-    with pytest.raises(Exception, match="diverged"):
+    with pytest.raises(SemrlError, match="diverged"):
         agent.update(dataclasses.replace(batch, returns=np.full_like(batch.returns, np.nan)))
+    assert all(torch.equal(old, new) for old, new in zip(before, agent.network.parameters(), strict=True))
 
 
 def test_images_are_left_to_pytorch():
     space = StateSpace(shape=(84, 84), dtype=np.uint8)
-    assert DQN(DQNConfig(replay_capacity=20), space=space, n_actions=2, seed=0)._compiled is None
+    agent = DQN(DQNConfig(replay_capacity=20), space=space, n_actions=2, seed=0)
+    assert isinstance(agent._updates, TorchUpdates)

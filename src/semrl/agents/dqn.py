@@ -1,24 +1,23 @@
 """Deep Q-learning (§3.3; Mnih et al. 2015), with the additions that proved worth it here."""
 
-from functools import cached_property, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
-from torch import Tensor
-from torch.nn import functional
 
 from semrl.agents.config import DQNConfig
 from semrl.agents.devices import Device, pick_device
 from semrl.agents.networks import QNetwork
 from semrl.agents.replay import Batch, ReplayBuffer
-from semrl.agents.vector_network import VectorUpdates
-from semrl.core import AgentObservation, Floats, Ints, StateSpace
+from semrl.agents.torch_updates import TorchUpdates
+from semrl.agents.updates import Updates
+from semrl.agents.vector_updates import VectorUpdates
+from semrl.core import AgentObservation, Floats, StateSpace
 from semrl.core.arrays import Arrays, array_to_rng, nest, rng_to_array, unnest
 from semrl.core.beside import Started
 from semrl.core.errors import SemrlError
-from semrl.core.networks import arrays_to_module, arrays_to_optimiser, module_to_arrays, optimiser_to_arrays
+from semrl.core.networks import arrays_to_module, module_to_arrays
 
 
 class DQN:
@@ -63,12 +62,14 @@ class DQN:
             QNetwork(space.shape, n_values, config.network, seed=seed, plan_size=plan_size).to(self.device)
             for _ in range(2)
         )
-        self._compiled = self._new_compiled()
+        in_torch = self._network.state_input.is_image or self.device.type != "cpu"
+        made_by = TorchUpdates if in_torch else VectorUpdates  # which is faster, for vectors on the CPU
+        self._updates: Updates = made_by(config, self._network, self.target, n_actions)
         self._updating: Started[None] | None = None  # an update that goes on beside play
         self._rng = np.random.default_rng(seed)
         self._head = 0  # which is followed
         self.decisions_ = 0
-        self._updates = 0
+        self._count = 0  # of updates
         self._loss = float("nan")
 
     @property
@@ -81,25 +82,13 @@ class DQN:
     def updates_(self) -> int:
         """Updates so far."""
         self._await_update()
-        return self._updates
+        return self._count
 
     @property
     def loss_(self) -> float:
         """Loss of the newest of them, NaN before."""
         self._await_update()
         return self._loss
-
-    @cached_property
-    def optimiser(self) -> torch.optim.Adam:
-        """What updates in PyTorch are made with."""
-        c = self.config
-        return torch.optim.Adam(
-            self._network.parameters(),
-            lr=c.learning_rate,
-            betas=(c.adam_beta1, c.adam_beta2),
-            eps=c.adam_epsilon,
-            fused=not self._network.state_input.is_image,  # twice as fast for small networks, slower for convolutions
-        )
 
     @property
     def exploration(self) -> float:
@@ -158,7 +147,7 @@ class DQN:
         if reward or self._rng.random() * c.head_decisions < 1:
             self._head = int(self._rng.integers(c.heads))
         if self.decisions_ == c.learning_starts and c.network.normalise_input:
-            states, plans = (self._tensor(x) for x in self.replay.latest(c.learning_starts))
+            states, plans = (torch.from_numpy(x).to(self.device) for x in self.replay.latest(c.learning_starts))
             for network in (self._network, self.target):
                 network.state_input.fit(states, plans)
         if self.decisions_ >= c.learning_starts and self.decisions_ % c.train_freq == 0:
@@ -188,22 +177,22 @@ class DQN:
             When the loss is not a number.
         """
         rate = self.learning_rate if learning_rate is None else learning_rate
-        if self._compiled:
-            self._loss, gradients = self._compiled.loss_and_gradients(batch, self.n_actions)
-            self._check_loss()
-            self._compiled.step(gradients, rate)
-        else:
-            self._update_in_torch(batch, rate)
-        self._updates += 1
-        if self._updates % self.config.target_update_interval == 0:
-            self._renew_target()
+        self._loss = self._updates.update(batch, rate)
+        if not np.isfinite(self._loss):
+            raise SemrlError(
+                f"the loss is {self._loss} after {self._count} updates: learning has diverged; "
+                "try a smaller --dqn.learning-rate"
+            )
+        self._count += 1
+        if self._count % self.config.target_update_interval == 0:
+            self._updates.renew_target()
 
     def _learn(self) -> None:
-        """Update on a batch drawn now: in compiled code beside play, until somebody asks for what came of it."""
+        """Update on a batch drawn now: beside play where that may be, until somebody asks for what came of it."""
         batch, rate = self._sample(), self.learning_rate
         self._await_update()
         update = partial(self.update, batch, rate)
-        if self._compiled:
+        if self._updates.beside_play:
             self._updating = Started(update)
         else:
             update()
@@ -214,44 +203,17 @@ class DQN:
         if updating:
             updating.result()
 
-    def _update_in_torch(self, batch: Batch, learning_rate: float) -> None:
-        values = self._per_head(self._network(self._tensor(batch.states), self._tensor(batch.plans)))
-        taken = self._of_actions(values, batch.actions)
-        loss = functional.smooth_l1_loss(taken, self._targets(batch))
-        if self.config.advice_weight:
-            loss = loss + self.config.advice_weight * self._advice_missed(values, batch.advised)
-        self._loss = float(loss.detach())
-        self._check_loss()
-        for group in self.optimiser.param_groups:
-            group["lr"] = learning_rate
-        self.optimiser.zero_grad(set_to_none=True)
-        loss.backward()  # type: ignore[no-untyped-call]
-        self.optimiser.step()
-
-    def _check_loss(self) -> None:
-        if not np.isfinite(self._loss):
-            raise SemrlError(
-                f"the loss is {self._loss} after {self._updates} updates: learning has diverged; "
-                "try a smaller --dqn.learning-rate"
-            )
-
-    def _new_compiled(self) -> VectorUpdates | None:
-        """Return the same networks in compiled code, where that is faster: for vectors on the CPU."""
-        if self._network.state_input.is_image or self.device.type != "cpu":
-            return None
-        return VectorUpdates(self.config, self._network, self.target)
-
     def to_arrays(self) -> Arrays:
         """Return weights, optimiser, replay, counters and the random generator."""
         return {
             **nest(
                 network=module_to_arrays(self.network),
                 target=module_to_arrays(self.target),
-                optimiser=self._compiled.moments_to_arrays() if self._compiled else optimiser_to_arrays(self.optimiser),
+                optimiser=self._updates.to_arrays(),
                 replay=self.replay.to_arrays(),
             ),
             "rng": rng_to_array(self._rng),
-            "counters": np.array([self.decisions_, self._updates]),
+            "counters": np.array([self.decisions_, self._count]),
             "head": np.array(self._head),
             "loss": np.array(self._loss),
         }
@@ -266,14 +228,10 @@ class DQN:
         if "counters" not in arrays:
             return
         arrays_to_module(self.target, unnest(arrays, "target"))
-        moments = unnest(arrays, "optimiser")
-        if self._compiled:
-            self._compiled.moments_from_arrays(moments)
-        else:
-            arrays_to_optimiser(self.optimiser, moments)
+        self._updates.from_arrays(unnest(arrays, "optimiser"))
         self.replay.from_arrays(unnest(arrays, "replay"))
         self._rng = array_to_rng(arrays["rng"])
-        self.decisions_, self._updates = (int(n) for n in arrays["counters"])
+        self.decisions_, self._count = (int(n) for n in arrays["counters"])
         self._head = int(arrays["head"])
         self._loss = float(arrays["loss"])
 
@@ -287,55 +245,7 @@ class DQN:
             reward_share=c.reward_share,
         )
 
-    def _targets(self, batch: Batch) -> Tensor:
-        with torch.no_grad():
-            following = self._tensor(batch.next_states), self._tensor(batch.next_plans)
-            next_values = self._per_head(self.target(*following))
-            if self.config.double:
-                best = self._per_head(self._network(*following)).argmax(dim=2, keepdim=True)
-                value = next_values.gather(2, best)[:, :, 0]
-            else:
-                value = next_values.amax(dim=2)
-            returns, discounts = self._tensor(batch.returns), self._tensor(batch.discounts)
-            targets: Tensor = returns[:, None] + discounts[:, None] * value  # (b, heads)
-        return targets
-
-    def _of_actions(self, values: Tensor, actions: Ints) -> Tensor:
-        """Return the values of ``(b,)`` actions, ``(b, heads)``, of ``(b, heads, n_actions)``."""
-        return values.gather(2, self._tensor(actions)[:, None, None].expand(-1, self.config.heads, 1))[:, :, 0]
-
-    def _advice_missed(self, values: Tensor, advised: Ints) -> Tensor:
-        """Return by how much advised actions fall short of the margin over all others, on average."""
-        given = np.flatnonzero(advised >= 0)
-        if not len(given):
-            return values.new_zeros(())
-        values, advice = values[self._tensor(given)], advised[given]
-        margins = torch.full((len(given), 1, self.n_actions), self.config.advice_margin, device=self.device)
-        margins[torch.arange(len(given), device=self.device), 0, self._tensor(advice)] = 0.0
-        return ((values + margins).amax(dim=2) - self._of_actions(values, advice)).mean()
-
-    def _per_head(self, values: Tensor) -> Tensor:
-        """View the network's output as ``(b, heads, n_actions)``."""
-        return values.view(len(values), self.config.heads, self.n_actions)
-
     def _head_values(self, shown: AgentObservation) -> Floats:
         """Return what each head makes of one state, ``(heads, n_actions)``."""
         self._await_update()
-        if self._compiled:
-            online = self._compiled.online
-            rows = online.inputs(shown.vectors[None], shown.plan[None])
-            return online.values(rows).reshape(self.config.heads, self.n_actions)
-        with torch.inference_mode():
-            values = self._network(self._tensor(shown.vectors[None]), self._tensor(shown.plan[None]))
-            return np.asarray(self._per_head(values)[0].cpu().numpy(), dtype=np.float32)
-
-    def _tensor(self, array: NDArray[Any]) -> Tensor:
-        return torch.from_numpy(array).to(self.device)
-
-    def _renew_target(self) -> None:
-        if self._compiled:
-            self._compiled.renew_target()
-            return
-        with torch.no_grad():
-            for old, new in zip(self.target.parameters(), self._network.parameters(), strict=True):
-                old.lerp_(new, self.config.tau)
+        return self._updates.values(shown.vectors[None], shown.plan[None]).reshape(self.config.heads, self.n_actions)

@@ -1,11 +1,9 @@
 """The Q-network of vectors without the framework: the same weights, in compiled code on the CPU.
 
-Forwards, for one state or a batch, and backwards with Adam. Weights and the constants of the input are the memory of
-PyTorch's tensors, so neither side has to know what the other did. Results differ from PyTorch's in the order of sums
-alone. PyTorch's own Adam is not asked for: to make one takes it seconds.
+Forwards, for one state or a batch, and backwards. Weights and the constants of the input are the memory of PyTorch's
+tensors, so neither side has to know what the other did. Results differ from PyTorch's in the order of sums alone.
 """
 
-import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Self
@@ -14,12 +12,9 @@ import numpy as np
 import torch
 from torch import nn
 
-from semrl.agents.config import DQNConfig
 from semrl.agents.networks import FourierFeatures, QNetwork
-from semrl.agents.replay import Batch
-from semrl.agents.vector_kernels import activate, adam, loss_and_gradient, move_towards, pass_back, write_inputs
+from semrl.agents.vector_kernels import activate, pass_back, write_inputs
 from semrl.core import Floats, Ints
-from semrl.core.arrays import Arrays, nest, unnest
 
 _UNWARNED = np.errstate(over="ignore", invalid="ignore")  # of a loss that is no number the agent warns
 
@@ -36,7 +31,7 @@ class _Layer:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class _Rows:
+class Rows:
     """What the first dense layer is given of a batch.
 
     Of a list of objects most columns are alike in all rows: places that nobody has. They are multiplied once.
@@ -100,10 +95,10 @@ class VectorNetwork:
 
     def values(self, rows: Floats) -> Floats:
         """Return the outputs, ``(b, n_values)``, for what `inputs` returned."""
-        return self.forward(_Rows.of(rows))[0]
+        return self.forward(Rows.of(rows))[0]
 
     @_UNWARNED
-    def forward(self, rows: _Rows) -> tuple[Floats, list[_Pass]]:
+    def forward(self, rows: Rows) -> tuple[Floats, list[_Pass]]:
         """Return the outputs and what `backward` needs of the way there."""
         passes: list[_Pass] = []
         sums, bias = rows.times(self._layers[0])
@@ -115,7 +110,7 @@ class VectorNetwork:
         return sums + bias, passes
 
     @_UNWARNED
-    def backward(self, rows: _Rows, passes: list[_Pass], back: Floats) -> list[Floats]:
+    def backward(self, rows: Rows, passes: list[_Pass], back: Floats) -> list[Floats]:
         """Return the gradients of all weights, in the order of the module's parameters.
 
         Parameters
@@ -147,92 +142,20 @@ class VectorNetwork:
         return gradients
 
 
-class VectorUpdates:
-    """Updates of a DQN on vectors: loss, gradient, Adam, target network.
-
-    Parameters
-    ----------
-    config
-        See `DQNConfig`.
-    network, target
-        The online network and the target network, on the CPU; both learn in place.
-    """
-
-    def __init__(self, config: DQNConfig, network: QNetwork, target: QNetwork) -> None:
-        self.config = config
-        self.online, self.target = VectorNetwork(network), VectorNetwork(target)
-        weights, targets = ([_view(p) for p in side.parameters()] for side in (network, target))
-        self._weights, self._targets = ([part.reshape(-1) for part in side] for side in (weights, targets))
-        self._moments = [(np.zeros_like(part), np.zeros_like(part)) for part in weights]
-        self._steps = 0
-
-    def loss_and_gradients(self, batch: Batch, n_actions: int) -> tuple[float, list[Floats]]:
-        """Return the loss of a batch and its gradients, in the order of the parameters."""
-        c, n = self.config, len(batch.states)
-        states = np.concatenate([batch.states, batch.next_states])
-        rows = _Rows.of(self.online.inputs(states, np.concatenate([batch.plans, batch.next_plans])))
-        both, passes = self.online.forward(rows if c.double else rows[:n])
-        following = self.target.forward(rows[n:])[0]
-        shape = (n, c.heads, n_actions)
-        back = np.empty(shape, np.float32)
-        loss = loss_and_gradient(
-            both[:n].reshape(shape), (both[n:] if c.double else following).reshape(shape), following.reshape(shape),
-            batch.returns, batch.discounts, batch.actions, batch.advised, c.advice_margin, c.advice_weight, back,
-        )  # fmt: skip
-        return loss, self.online.backward(rows[:n], passes, back.reshape(n, -1))
-
-    def step(self, gradients: list[Floats], learning_rate: float) -> None:
-        """Take one step of Adam."""
-        c = self.config
-        self._steps += 1
-        done = self._steps
-        rates = np.array(
-            [
-                1 - c.adam_beta1, c.adam_beta2, 1 - c.adam_beta2, learning_rate / (1 - c.adam_beta1**done),
-                math.sqrt(1 - c.adam_beta2**done), c.adam_epsilon,
-            ],
-            np.float32,
-        )  # fmt: skip
-        for weights, gradient, (mean, square) in zip(self._weights, gradients, self._moments, strict=True):
-            adam(weights, gradient.ravel(), mean.reshape(-1), square.reshape(-1), rates)
-
-    def moments_to_arrays(self) -> Arrays:
-        """Return the moments of each parameter, as the arrays of PyTorch's Adam are named; none before a step."""
-        if not self._steps:
-            return {}
-        parts = {
-            str(i): {"step": np.array(self._steps, np.float32), "exp_avg": mean, "exp_avg_sq": square}
-            for i, (mean, square) in enumerate(self._moments)
-        }
-        return nest(**parts)
-
-    def moments_from_arrays(self, arrays: Arrays) -> None:
-        """Take over what `moments_to_arrays` returned."""
-        for i, moments in enumerate(self._moments):
-            saved = unnest(arrays, str(i))
-            for name, moment in zip(("exp_avg", "exp_avg_sq"), moments, strict=True):
-                moment[...] = saved[name] if saved else 0
-        self._steps = int(arrays["0/step"]) if arrays else 0
-
-    def renew_target(self) -> None:
-        """Move the target network towards the online network."""
-        for old, new in zip(self._targets, self._weights, strict=True):
-            move_towards(old, new, self.config.tau)
-
-
 def _layers(dense: nn.Sequential) -> list[_Layer]:
     """Return views of the dense layers, the linear one behind them last."""
     layers: list[_Layer] = []
     norms = {i - 1: module for i, module in enumerate(dense) if isinstance(module, nn.LayerNorm)}
     for i, module in enumerate(dense):
         if isinstance(module, nn.Linear):
-            weight, bias = _view(module.weight), _view(module.bias)
+            weight, bias = view_of(module.weight), view_of(module.bias)
             norm = norms.get(i)
-            gain, shift = (_view(norm.weight), _view(norm.bias)) if norm else (bias, bias)
+            gain, shift = (view_of(norm.weight), view_of(norm.bias)) if norm else (bias, bias)
             layers.append(_Layer(weight=weight, bias=bias, gain=gain, shift=shift, normed=norm is not None))
     return layers
 
 
-def _view(parameter: torch.Tensor) -> Floats:
+def view_of(parameter: torch.Tensor) -> Floats:
+    """Return the memory of a tensor on the CPU as an array."""
     view: Floats = parameter.detach().numpy()
     return view
