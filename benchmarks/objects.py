@@ -2,7 +2,8 @@
 
 Perception is that of the preset ``semrl`` for the model ``objects``, learned from random play as in a run, and tested
 on random play that it has not seen. A true object counts where it is part of the play (no score, no clock) and moves:
-what stands in one place in more than half of the frames is scenery, which perception leaves out by design. What was
+what stands in one place in more than half of the frames is scenery, which perception leaves out by design, and so is
+what is of a category that never moves: bricks and pills that are gone in more than half of the frames. What was
 found is matched one to one: its centre must lie in the true object's box, or two pixels beside it. A kind stands for
 what it mostly matched in the first half of the play; the second half is scored. Kinds that one thing has in turn are
 one concept, as it is learned from the same play; concepts are scored in the same way, and their purity is the share of
@@ -18,7 +19,7 @@ import json
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import count, islice
+from itertools import count, islice, pairwise
 from typing import Any
 
 import machine
@@ -47,6 +48,9 @@ GAMES = (
 )  # fmt: skip
 LAG_PX = 2
 """The RAM may be a moment ahead of the picture."""
+
+LEAST_SHIFTS = 0.002
+"""Share of the sightings of a category at which a thing of one size must be gone from one place and new in another."""
 
 Truth = tuple[str, int, int, int, int]
 """An object as the RAM has it: its category, left, top, width and height in pixels of the frame."""
@@ -173,9 +177,22 @@ def purity(truths: list[list[Truth]], seen: list[Found]) -> float:
 
 
 def without_scenery(truths: list[list[Truth]]) -> list[list[Truth]]:
-    """Leave out what stands in one place in more than half of the frames."""
+    """Leave out what stands in one place in more than half of the frames, and categories that never move."""
     places = Counter(each[:3] for frame in truths for each in set(frame))
-    return [[each for each in frame if places[each[:3]] <= len(truths) / 2] for frame in truths]
+    moving = moving_categories(truths)
+    return [[each for each in frame if places[each[:3]] <= len(truths) / 2 and each[0] in moving] for frame in truths]
+
+
+def moving_categories(truths: list[list[Truth]]) -> set[str]:
+    """Return the categories of which things of one size leave a place and come to another at the same decision."""
+    seen, shifts = Counter[str](), Counter[str]()
+    for before, now in pairwise(truths):
+        seen.update(each[0] for each in now)
+        gone = Counter((each[0], *each[3:]) for each in set(before) - set(now))
+        new = Counter((each[0], *each[3:]) for each in set(now) - set(before))
+        for (category, *_), n in (gone & new).items():
+            shifts[category] += n
+    return {category for category in seen if shifts[category] >= LEAST_SHIFTS * seen[category]}
 
 
 def score(truths: list[list[Truth]], seen: list[Found]) -> dict[str, float]:

@@ -18,7 +18,7 @@ COLUMNS = 9
 SLOT_NUMBERS = 3
 """What the list of tracked objects holds of each: x, y and whether it is seen."""
 
-_STILL_SHARE = 0.1
+_STILL_SHARE = 0.05
 """What moves at fewer of the decisions, and has no slot, is still."""
 
 

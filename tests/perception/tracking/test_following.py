@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from walkers import followed
 
-from semrl.core import Tracks
+from semrl.core import Objects, Tracks
 from semrl.core.errors import UsageError
-from semrl.perception.tracking import TrackingConfig
+from semrl.perception.tracking import TrackingConfig, follow, no_tracks
 
 
 def at(tracks: Tracks, place):
@@ -101,3 +101,18 @@ def test_nonsense_is_refused():
     for wrong in ({"gate_px": 0}, {"class_cost": -1}, {"unseen_decisions": -1}, {"appearance_cost": -0.1}):
         with pytest.raises(UsageError):
             TrackingConfig(**wrong)
+
+
+@pytest.mark.parametrize(("right", "moves"), [(0, 0), (1, 5)])
+def test_what_grows_in_its_place_does_not_move(right, moves):
+    """A bar gets longer at one end; a train of the same growing length goes on."""
+    tracks = no_tracks(2)
+    for t in range(6):
+        edges = np.array([[10 + right * t, 20, 20 + 2 * t, 24]], np.float32)
+        objects = Objects(
+            crops=np.zeros((1, 8, 8), np.float32), centres_px=(edges[:, [1, 0]] + edges[:, [3, 2]]) / 2,
+            boxes_px=np.array([[20, 10 + right * t, 4, 10 + (2 - right) * t]]), labels=np.zeros((84, 84), np.int32),
+            edges_px=edges, colours=np.zeros((1, 3), np.float32),
+        )  # fmt: skip
+        tracks = follow(tracks, objects, np.zeros(1, np.int64), np.zeros((1, 2), np.float32), TrackingConfig())
+    assert (tracks.ids.tolist(), tracks.moves.tolist()) == ([0], [moves])

@@ -13,13 +13,17 @@ from numpy.typing import NDArray
 from semrl.core import IMAGE_SIZE_PX, Frame, Image, Ints, Objects
 from semrl.core.errors import DataError, UsageError
 from semrl.core.protocols import Saved
-from semrl.perception.detection.foreground_kernels import Places, draw_objects, find_components, vote
+from semrl.perception.detection.foreground_kernels import Places, draw_objects, find_components, vote, without_holes
 from semrl.perception.detection.ground import Ground
+from semrl.perception.detection.panels import Panels
 from semrl.perception.detection.parts import Parts
 from semrl.perception.detection.restless import Restless
 
 _PIECES = 4
 """An object may be found in so many pieces, on average."""
+
+_SURE = 2
+"""Times the frames of learning: no later votes outweigh so many."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +53,9 @@ class ForegroundDetector(Saved):
 
     The background is the colour that a pixel has most of the time, found by majority vote (Boyer & Moore,
     "MJRTY: a fast majority vote algorithm", 1991), so what stands still is no object, and neither is what
-    changes in the same places all the time (see `Restless`). Positions are means over an object's pixels in the full
+    changes in the same places all the time (see `Restless`), what a display shows (see `Panels`), and ground where
+    something of the background is gone. What leaves its place and comes back is one, however long it is there (see
+    `without_leaving`). Positions are means over an object's pixels in the full
     frame, given in pixels of the 84×84 image. Crops are drawn around an object's own middle, so that they do not change
     with its place; a pixel counts a fifth for being there and up to four for its grey level, so that black objects are
     seen too. Objects larger than the window are drawn smaller, not cut.
@@ -60,7 +66,7 @@ class ForegroundDetector(Saved):
         Frames that the background was learned from.
     """
 
-    SAVED, PARTS = ("frames_", "_background", "_votes"), ("_parts", "_restless")
+    SAVED, PARTS = ("frames_", "_background", "_votes"), ("_parts", "_restless", "_panels")
 
     crop_size_px = 8
     """Edge of the window of one object, in pixels of the 84×84 image."""
@@ -72,6 +78,8 @@ class ForegroundDetector(Saved):
         self._votes: NDArray[np.int32] = np.zeros((0, 0), np.int32)
         self._parts = Parts(self.config.parts_share)
         self._restless = Restless()
+        self._commonest: Frame | None = None
+        self._panels = Panels()
 
     @property
     def is_fitted(self) -> bool:
@@ -99,13 +107,27 @@ class ForegroundDetector(Saved):
             if 2 * self.frames_ <= self.config.background_frames:
                 self._restless.learn(pixels)
             else:  # by now the background is known well enough
-                self._restless.settle(self._background)
+                if self._restless.is_learning:
+                    self._look_back()
+                self._panels.check(pixels, self._background)
                 pieces = find_components(pixels, self._background, self.config.contrast)
                 self._restless.check(*pieces, pixels.shape[1])
                 self._parts.learn(pixels, *self._components(pixels))
             if self.is_fitted:
                 self._parts.settle(self._background)
+                self._commonest = None
         return self
+
+    def _look_back(self) -> None:
+        """Find what is background beside the commonest colours, and what is none, in the frames seen so far."""
+        changed = self._restless.changed.reshape(self._votes.shape)
+        self._panels.propose(changed, self._background)
+        behind = self._restless.without_leaving(self._background)
+        left = (behind != self._background).any(axis=2)
+        self._background, self._votes = behind, np.where(left, _SURE * self.config.background_frames, self._votes)
+        self._restless.settle(self._background)
+        self._restless.forget()
+        self._commonest = None
 
     def ground(self) -> Ground:
         """Return what stands still, found in the background; see `KnowsGround`."""
@@ -127,10 +149,23 @@ class ForegroundDetector(Saved):
         """Number the objects of a frame, ``(84, 84)``; 0 is background. They are not cut, so these are components."""
         return self.detect(frame).labels
 
+    def _restored(self) -> None:
+        self._commonest = None
+
+    @property
+    def _ground(self) -> Frame:
+        """The commonest colour of the background, ``(1, channels)``."""
+        if self._commonest is None:
+            pixels = self._background.reshape(-1, self._background.shape[2])
+            colours, counts = np.unique(pixels, axis=0, return_counts=True)
+            self._commonest = colours[[counts.argmax()]]
+        return self._commonest
+
     def _components(self, pixels: Frame) -> tuple[Places, Ints]:
         """Return pieces of one colour; of very many only the largest, since all are compared with each other."""
-        calm = self._restless.calmed(pixels, self._background)
+        calm = self._panels.calmed(self._restless.calmed(pixels, self._background), self._background)
         places, ends = find_components(calm, self._background, self.config.contrast)
+        places, ends = without_holes(calm, self._background, self._ground, places, ends, self.config.contrast)
         most = _PIECES * self.config.max_objects
         if len(ends) <= most:
             return places, ends

@@ -99,6 +99,47 @@ def find_components(frame: Frame, background: Frame, contrast: int) -> tuple[Pla
     return places, ends[:objects]
 
 
+HOLE_SHARE, GROUND_HOLE_SHARE = 0.5, 0.1
+"""Share of a piece's outline that must not be seen, for it to be ground where something of the background is gone; the
+second for pieces in the commonest colour of the background."""
+
+
+@compiled
+def without_holes(  # noqa: PLR0917 - compiled functions take no keywords
+    frame: Frame, background: Frame, ground: Frame, places: Places, ends: Ints, contrast: int
+) -> tuple[Places, Ints]:
+    """Leave out pieces that are as coloured as the background beside them, see `find_components`.
+
+    The commonest colour of the background is that of ``ground``, ``(1, channels)``.
+    """
+    height, width, channels = frame.shape
+    pixels, behind = frame.reshape(height * width, channels), background.reshape(height * width, channels)
+    kept, kept_ends = np.empty_like(places), np.empty_like(ends)
+    filled, objects, start = 0, 0, 0
+    for end in ends:
+        outline, unseen, most = 0, 0, HOLE_SHARE
+        if not _differ(pixels, places[start], ground, 0, contrast):
+            most = GROUND_HOLE_SHARE
+        for here in places[start:end]:
+            r, c = here // width, here % width
+            for y, x in ((r - 1, c), (r + 1, c), (r, c - 1), (r, c + 1)):
+                if 0 <= y < height and 0 <= x < width:
+                    there = y * width + x
+                    if _differ(pixels, there, pixels, here, contrast):
+                        outline += 1
+                    elif not _differ(pixels, there, behind, there, contrast):
+                        outline += 1
+                        unseen += 1
+        if unseen <= most * outline:
+            for here in places[start:end]:
+                kept[filled] = here
+                filled += 1
+            kept_ends[objects] = filled
+            objects += 1
+        start = end
+    return kept[:filled], kept_ends[:objects]
+
+
 @compiled
 def draw_objects(  # noqa: PLR0917 - compiled functions take no keywords
     frame: Frame, places: Places, starts: Ints, ends: Ints, window_px: int, side_px: int

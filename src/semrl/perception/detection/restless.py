@@ -9,6 +9,7 @@ from semrl.core.arrays import Arrays
 from semrl.core.kernels import compiled
 from semrl.core.protocols import Saved
 from semrl.perception.detection.foreground_kernels import Places
+from semrl.perception.detection.leaving import without_leaving
 
 LEAST_RATE = 0.15
 """Share of the frames at which a colour must come or go at a place, to be one that the place has by itself."""
@@ -52,7 +53,28 @@ class Restless(Saved):
 
     def __init__(self) -> None:
         self._be(np.zeros((0, 4), np.int64), np.zeros((0, MOST_COLOURS, 0), np.uint8))
-        self._forget()
+        self.forget()
+
+    @property
+    def is_learning(self) -> bool:
+        """Whether frames were counted, and regions not yet found in them."""
+        return bool(len(self._last))
+
+    @property
+    def changed(self) -> NDArray[np.bool_]:
+        """Where more than one colour was seen in the frames counted, ``(p,)``."""
+        return np.asarray(self._times[:, 1] > 0)
+
+    def without_leaving(self, background: Frame) -> Frame:
+        """Return the background without what leaves its place and comes back, but for what does so all the time."""
+        calm = np.where(self._often.any(axis=1, keepdims=True), 0, self._switches)
+        return without_leaving(background, self._shown, self._times, calm, self._frames)
+
+    @property
+    def _often(self) -> NDArray[np.bool_]:
+        """Which colours come and go all the time, ``(p, 4)``."""
+        often = self._switches >= max(LEAST_RATE * self._frames, LEAST_SWITCHES)
+        return np.asarray(often & (self._times >= LEAST_SHARE * self._frames))
 
     def learn(self, frame: Frame) -> None:
         """Count one frame, ``(height, width, channels)``; they are expected in their order."""
@@ -65,11 +87,8 @@ class Restless(Saved):
         _count(pixels, self._shown, self._times, self._switches, self._last)
 
     def settle(self, background: Frame) -> None:
-        """Find the regions, if that was not done, and forget the rest."""
-        if not len(self._last):
-            return
-        often = self._switches >= max(LEAST_RATE * self._frames, LEAST_SWITCHES)
-        often &= self._times >= LEAST_SHARE * self._frames
+        """Find the regions."""
+        often = self._often
         often &= (self._shown != background.reshape(len(often), 1, -1)).any(axis=2)
         height, width, channels = background.shape
         restless = often.any(axis=1).reshape(height, width)
@@ -84,7 +103,6 @@ class Restless(Saved):
             colours.append(np.concatenate([own, np.repeat(own[:1], MOST_COLOURS - len(own), axis=0)]))
         shape = (len(regions), MOST_COLOURS, channels)
         self._be(np.array(regions, np.int64).reshape(-1, 4), np.array(colours, np.uint8).reshape(shape))
-        self._forget()
 
     def check(self, places: Places, ends: Ints, width: int) -> None:
         """See whether what is found in the regions stays there: pieces, as `find_components` returns them."""
@@ -121,7 +139,8 @@ class Restless(Saved):
         self.regions_, self.colours_ = regions, colours
         self._within, self._beyond = (np.zeros(len(regions), np.int64) for _ in range(2))  # pixels of what touches each
 
-    def _forget(self) -> None:
+    def forget(self) -> None:
+        """Forget what was counted."""
         self._frames = 0
         self._shown = np.zeros((0, MOST_COLOURS, 0), np.uint8)  # (p, 4, channels)
         self._times = np.zeros((0, MOST_COLOURS), np.int32)  # frames in which each was there

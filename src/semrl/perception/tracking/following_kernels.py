@@ -137,10 +137,21 @@ def _find(  # noqa: PLR0917
     # While it was not seen its place was moved on by its velocity: the whole way is both together.
     way = step + before.velocities_px[old] * gap
     after.velocities_px[i] = way / (gap + 1)
-    if np.hypot(way[0], way[1]) > moved_px:
+    if _shifted(before.edges_px[old], seen.edges_px[j]) > moved_px:
         after.moves[i] += 1
     after.time_since_update[i] = 0
     _show(after, i, seen, j)
+
+
+@compiled
+def _shifted(before: Floats, now: Floats) -> float:
+    """Return how far a box went as a whole, both edges of a pair: what only grows or shrinks stays where it is."""
+    total = 0.0
+    for low in range(2):
+        one, other = now[low] - before[low], now[low + 2] - before[low + 2]
+        if one * other > 0:
+            total += min(abs(one), abs(other)) ** 2
+    return float(np.sqrt(total))
 
 
 @compiled

@@ -19,7 +19,7 @@ _WIDTH_PX, _WIDTH_COUNT = 20.0, 30
 STEADY_DECISIONS = 5
 """After so many decisions it shows whether a track moves."""
 
-LEAST_MOVING_SHARE = 0.1
+LEAST_MOVING_SHARE = 0.05
 """Share of the decisions at which it must have moved then, else it is scenery."""
 
 MOST_TOGETHER = 0.05

@@ -1,0 +1,118 @@
+"""Displays: what changes in its place, and whose outline does not go with it, is background whatever it shows."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from semrl.core import Frame, Ints
+from semrl.core.arrays import Arrays
+from semrl.core.protocols import Saved
+
+LARGEST_SHARE = 0.06
+"""Of the frame, for the box of a display."""
+
+LEAST_PLAIN_SHARE = 0.8
+"""Of what is around a display, in one colour."""
+
+LEAST_FULL_SHARE = 0.8
+"""Share of the frames, of those in which it shows anything, in which what it shows must reach three of its edges."""
+
+LEAST_SHOWN_SHARE = 0.25
+"""Share of the frames in which it must show anything: what is shot from one place passes others in between."""
+
+MOST_CROSSED_SHARE = 0.1
+"""Share of the frames in which something may be beside it that is not background."""
+
+_EDGES, _SLACK_PX, _NEAR_PX, _RING_PX = 3, 1, 1, 2
+
+
+class Panels(Saved):
+    """Finds displays: digits of a score or clock, bars that grow and shrink.
+
+    What moves is in turn in one part of the places that it sweeps and in another. What a display shows reaches from top
+    to bottom of it nearly always, and from one side at least, a bar like a digit; and nothing comes in or out.
+
+    Attributes
+    ----------
+    boxes_ : ndarray
+        ``(n, 4)`` int64, of what may be displays: first row and column, last row and column, exclusive.
+    """
+
+    SAVED = ("boxes_", "_grounds", "_changed", "_counts", "_frames")
+
+    def __init__(self) -> None:
+        self.boxes_: Ints = np.zeros((0, 4), np.int64)
+        self._grounds: Frame = np.zeros((0, 0), np.uint8)  # (n, channels), what is behind each
+        self._changed: NDArray[np.bool_] = np.zeros((0, 0), np.bool_)
+        self._counts: Ints = np.zeros((0, 3), np.int64)  # (n, 3) frames in which it shows anything, is full, is crossed
+        self._frames = 0
+
+    @property
+    def displays_(self) -> Ints:
+        """Those of the boxes that are displays, ``(k, 4)``."""
+        shows, full, crossed = self._counts.T
+        kept = (shows > LEAST_SHOWN_SHARE * self._frames) & (full >= LEAST_FULL_SHARE * shows)
+        kept &= crossed <= MOST_CROSSED_SHARE * self._frames
+        return np.asarray(self.boxes_[kept])
+
+    def propose(self, changed: NDArray[np.bool_], background: Frame) -> None:
+        """Take what has changed, ``(height, width)``, in pieces that are small enough, for what may be displays."""
+        near, _ = ndimage.label(ndimage.binary_dilation(changed, np.ones((3, 3)), iterations=_NEAR_PX))
+        boxes, grounds = [], []
+        for rows, columns in ndimage.find_objects(np.where(changed, near, 0)):
+            top, left, bottom, right = rows.start, columns.start, rows.stop, columns.stop
+            if (bottom - top) * (right - left) > LARGEST_SHARE * changed.size:
+                continue
+            around = _beside(background, (top, left, bottom, right))
+            colours, counts = np.unique(around, axis=0, return_counts=True)
+            if counts.max() < LEAST_PLAIN_SHARE * counts.sum():
+                continue
+            boxes.append((top, left, bottom, right))
+            grounds.append(colours[counts.argmax()])
+        self.boxes_ = np.array(boxes, np.int64).reshape(-1, 4)
+        self._grounds = np.array(grounds, np.uint8).reshape(-1, background.shape[2])
+        self._changed, self._counts, self._frames = changed.copy(), np.zeros((len(boxes), 3), np.int64), 0
+
+    def check(self, frame: Frame, background: Frame) -> None:
+        """See how far what each shows reaches in one more frame, and whether anything comes in or out."""
+        self._frames += 1
+        for number, box in enumerate(self.boxes_.tolist()):
+            top, left, bottom, right = box
+            shown = (frame[top:bottom, left:right] != self._grounds[number]).any(axis=2)
+            shown &= self._changed[top:bottom, left:right]
+            if shown.any():
+                edges = [side for axis in (1, 0) for side in _reach(shown.any(axis=axis))]
+                self._counts[number, :2] += 1, sum(away <= _SLACK_PX for away in edges) >= _EDGES
+            crossed = (_beside(frame, box) != _beside(background, box)).any()
+            self._counts[number, 2] += crossed
+
+    def calmed(self, frame: Frame, background: Frame) -> Frame:
+        """Return the frame with the background in place of displays."""
+        displays = self.displays_
+        if not len(displays):
+            return frame
+        calm = frame.copy()
+        for top, left, bottom, right in displays.tolist():
+            calm[top:bottom, left:right] = background[top:bottom, left:right]
+        return calm
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Take over what was saved; runs that are older than this know of no displays."""
+        if arrays:
+            super().from_arrays(arrays)
+
+
+def _beside(frame: Frame, box: tuple[int, int, int, int]) -> Frame:
+    """Return the pixels around a box, ``(p, channels)``."""
+    top, left, bottom, right = box
+    above, before = max(top - _RING_PX, 0), max(left - _RING_PX, 0)
+    part = frame[above : bottom + _RING_PX, before : right + _RING_PX]
+    around = np.ones(part.shape[:2], np.bool_)
+    around[top - above : bottom - above, left - before : right - before] = False
+    return part[around]
+
+
+def _reach(lit: NDArray[np.bool_]) -> tuple[int, int]:
+    """Return how far from either end the first lit place is."""
+    places = np.flatnonzero(lit)
+    return int(places[0]), int(len(lit) - 1 - places[-1])
