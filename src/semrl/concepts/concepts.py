@@ -35,7 +35,7 @@ class ConceptsConfig:
     """Share of the comings and goings of a kind that must be switches with another, to be one with it."""
     least_switches: int = 4
     """Fewest switches between two kinds that count."""
-    together_share: float = 0.5
+    together_share: float = 0.2
     """Share of the rarer one's sightings at which both are seen from which on two kinds are not one concept."""
     least_seen: int = 20
     """Fewest sightings of a concept."""

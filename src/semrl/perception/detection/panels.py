@@ -1,5 +1,7 @@
 """Displays: what changes in its place, and whose outline does not go with it, is background whatever it shows."""
 
+import zlib
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -20,6 +22,9 @@ LEAST_FULL_SHARE = 0.8
 LEAST_SHOWN_SHARE = 0.25
 """Share of the frames in which it must show anything: what is shot from one place passes others in between."""
 
+LEAST_CONTENTS = 3
+"""Different things that it must show: a lamp or a door has two states, of which one is dark or open."""
+
 MOST_CROSSED_SHARE = 0.1
 """Share of the frames in which something may be beside it that is not background."""
 
@@ -38,13 +43,14 @@ class Panels(Saved):
         ``(n, 4)`` int64, of what may be displays: first row and column, last row and column, exclusive.
     """
 
-    SAVED = ("boxes_", "_grounds", "_changed", "_counts", "_frames")
+    SAVED = ("boxes_", "_grounds", "_changed", "_counts", "_contents", "_frames")
 
     def __init__(self) -> None:
         self.boxes_: Ints = np.zeros((0, 4), np.int64)
         self._grounds: Frame = np.zeros((0, 0), np.uint8)  # (n, channels), what is behind each
         self._changed: NDArray[np.bool_] = np.zeros((0, 0), np.bool_)
         self._counts: Ints = np.zeros((0, 3), np.int64)  # (n, 3) frames in which it shows anything, is full, is crossed
+        self._contents: Ints = np.full((0, LEAST_CONTENTS), -1, np.int64)  # checksums of the first that each showed
         self._frames = 0
 
     @property
@@ -52,6 +58,7 @@ class Panels(Saved):
         """Those of the boxes that are displays, ``(k, 4)``."""
         shows, full, crossed = self._counts.T
         kept = (shows > LEAST_SHOWN_SHARE * self._frames) & (full >= LEAST_FULL_SHARE * shows)
+        kept &= self._contents[:, -1] >= 0
         kept &= crossed <= MOST_CROSSED_SHARE * self._frames
         return np.asarray(self.boxes_[kept])
 
@@ -72,6 +79,7 @@ class Panels(Saved):
         self.boxes_ = np.array(boxes, np.int64).reshape(-1, 4)
         self._grounds = np.array(grounds, np.uint8).reshape(-1, background.shape[2])
         self._changed, self._counts, self._frames = changed.copy(), np.zeros((len(boxes), 3), np.int64), 0
+        self._contents = np.full((len(boxes), LEAST_CONTENTS), -1, np.int64)
 
     def check(self, frame: Frame, background: Frame) -> None:
         """See how far what each shows reaches in one more frame, and whether anything comes in or out."""
@@ -82,6 +90,9 @@ class Panels(Saved):
             shown &= self._changed[top:bottom, left:right]
             if shown.any():
                 edges = [side for axis in (1, 0) for side in _reach(shown.any(axis=axis))]
+                content, known = zlib.crc32(shown.tobytes()), self._contents[number]
+                if content not in known and (known < 0).any():
+                    known[(known < 0).argmax()] = content
                 self._counts[number, :2] += 1, sum(away <= _SLACK_PX for away in edges) >= _EDGES
             crossed = (_beside(frame, box) != _beside(background, box)).any()
             self._counts[number, 2] += crossed
