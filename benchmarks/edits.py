@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import machine
+import numpy as np
 import tyro
 
 from semrl.evaluation.knowledge import load_knowledge
@@ -50,7 +51,8 @@ class Row:
 
     after: str
     seconds: float | None
-    """That the edit took until the next plan can be made, without HermiT."""
+    processor_seconds: float | None
+    """Both: until the next plan can be made, without HermiT."""
     returns: list[float]
 
 
@@ -74,15 +76,18 @@ def main(arguments: Arguments) -> None:
 def measured(arguments: Arguments, player: Player, run: Path) -> list[Row]:
     """Play as learned, and after each edit."""
     teaching = Teaching(player, run)
-    rows = [Row(after="as learned", seconds=None, returns=returns(arguments, teaching.player()))]
+    rows = [
+        Row(after="as learned", seconds=None, processor_seconds=None, returns=returns(arguments, teaching.player()))
+    ]
 
     def after_edits(after: str, *edits: Edit) -> None:
-        began = time.perf_counter()
+        began = np.array([time.perf_counter(), time.process_time()])
         for edit in edits:
             teaching.add(edit)
         changed = teaching.player()
-        seconds = (time.perf_counter() - began) / len(edits)
-        rows.append(Row(after=after, seconds=round(seconds, 3), returns=returns(arguments, changed)))
+        took = (np.array([time.perf_counter(), time.process_time()]) - began) / len(edits)
+        seconds, processor = took.round(3).tolist()
+        rows.append(Row(after=after, seconds=seconds, processor_seconds=processor, returns=returns(arguments, changed)))
 
     after_edits("wrong rule added", Edit(do="add", name=WRONG, text=arguments.forbid, forbidden=True))
     after_edits("wrong rule taken back", Edit(do="undo"))
