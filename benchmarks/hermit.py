@@ -11,8 +11,9 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib.util import find_spec
+from itertools import zip_longest
 from pathlib import Path
 
 import machine
@@ -54,6 +55,8 @@ class Arguments:
     """Drawn from what the world model of each remembers."""
     seconds: float = 600.0
     """After which no more scenes of a run are asked about."""
+    ranges: bool = True
+    """Whether HermiT is told the learned bounds of numbers: what lies beyond them contradicts the ontology."""
     batch: int = 10
     """Scenes of one call of Java."""
     seed: int = 0
@@ -74,6 +77,8 @@ class Row:
     """Scenes of each class, as decided on arrays."""
     disagreements: int
     """Answers, one a scene and class, that differ."""
+    impossible: int
+    """Scenes that contradict the ontology, as HermiT says, so that there is no answer."""
     seconds_a_scene: float
     """Of HermiT, Java's start and reading included."""
     microseconds_compiled: float
@@ -97,17 +102,21 @@ def compared(run: Path, arguments: Arguments) -> Row:
     assert isinstance(world, Remembering)
     episodes = [episode for episode in world.experience.episodes() if len(episode)]
     words = known.words.having(**learned(known, episodes))
+    told = words if arguments.ranges else replace(words, ranges={})
     names = list(words.definitions)
-    scenes = drawn(known, episodes, arguments)
     classifier = Classifier(words)
+    scenes = drawn(known, episodes, classifier, names, arguments)
     classifier.of_scenes(scenes, names)
     began = time.perf_counter()
     held = classifier.of_scenes(scenes, names)
     compiled = time.perf_counter() - began
-    began, asked, wrong = time.perf_counter(), 0, 0
+    began, asked, wrong, impossible = time.perf_counter(), 0, 0, 0
     while asked < len(held) and time.perf_counter() - began < arguments.seconds:
         places = range(asked, min(asked + arguments.batch, len(held)))
-        for place, found in zip(places, answers(words, scenes, places), strict=True):
+        for place, found in zip(places, answers(told, scenes, places), strict=True):
+            if found is None:
+                impossible += 1
+                continue
             wrong += sum((name in found) != said for name, said in zip(names, held[place].tolist(), strict=True))
         asked = places.stop
     return Row(
@@ -117,6 +126,7 @@ def compared(run: Path, arguments: Arguments) -> Row:
         things=float(scenes.present[:asked].sum(axis=1).mean()),
         held=dict(zip(names, held[:asked].sum(axis=0).tolist(), strict=True)),
         disagreements=wrong,
+        impossible=impossible,
         seconds_a_scene=round((time.perf_counter() - began) / asked, 3),
         microseconds_compiled=round(1e6 * compiled / len(held), 1),
     )
@@ -137,18 +147,25 @@ def learned(known: RunWords, episodes: Sequence[Trajectory]) -> dict[str, Defini
     return found
 
 
-def drawn(known: RunWords, episodes: Sequence[Trajectory], arguments: Arguments) -> Interpretation:
-    """Draw scenes of all decisions that a world model remembers."""
+def drawn(
+    known: RunWords, episodes: Sequence[Trajectory], classifier: Classifier, names: Sequence[str], arguments: Arguments
+) -> Interpretation:
+    """Draw scenes of all decisions that a world model remembers, in turn any one and one of each class."""
     transitions = [episode.transitions for episode in episodes]
     states = np.concatenate([own.states for own in transitions])
     previous = np.concatenate([own.previous for own in transitions])
+    held = classifier.of_scenes(known.reader.read(states, previous), names)
     rng = np.random.default_rng(arguments.seed)
-    places = rng.choice(len(states), min(arguments.scenes, len(states)), replace=False)
+    pools = [rng.permutation(len(states)), *(rng.permutation(np.flatnonzero(own)) for own in held.T)]
+    turns = [place for turn in zip_longest(*(pool.tolist() for pool in pools)) for place in turn if place is not None]
+    places = np.array(list(dict.fromkeys(turns))[: arguments.scenes])
     return known.reader.read(states[places], previous[places])
 
 
-def answers(words: Ontology, scenes: Interpretation, places: Sequence[int]) -> list[set[str]]:
+def answers(words: Ontology, scenes: Interpretation, places: Sequence[int]) -> list[set[str] | None]:
     """Return the classes of some scenes, as HermiT finds them: what the class of the scene alone is below.
+
+    None stands for a scene that contradicts the ontology.
 
     Raises
     ------
@@ -167,6 +184,8 @@ def answers(words: Ontology, scenes: Interpretation, places: Sequence[int]) -> l
         command += ["org.semanticweb.HermiT.cli.CommandLine", f"-S<{BASE}{HERE}>", *(file.as_uri() for file in files)]
         run = subprocess.run(command, capture_output=True, text=True, check=False)
     parts = run.stdout.split("super-classes of")[1:]
+    if "Inconsistent ontology" in run.stderr:  # it stops there
+        return [None] if len(places) == 1 else [answers(words, scenes, [place])[0] for place in places]
     if len(parts) != len(places):
         raise UsageError(f"HermiT gave no answer that can be read: {run.stdout[-500:]} {run.stderr[-500:]}")
     return [
