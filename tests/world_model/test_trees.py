@@ -19,9 +19,11 @@ def compared(dimension, distances=False):
     return np.argwhere(np.triu(np.ones((dimension, dimension)), 1)), distances
 
 
-def fitted(rows, targets, *, members=1, leaf_rows=3, seed=0, unseen=None):
+def fitted(rows, targets, *, members=1, leaf_rows=3, seed=0, hidden_column=None):
     leaves = [leaf_rows] * targets.shape[1]
-    return Forests(members).fit(rows, targets, np.random.default_rng(seed), leaf_rows=leaves, unseen=unseen)
+    return Forests(members).fit(
+        rows, targets, np.random.default_rng(seed), leaf_rows=leaves, hidden_column=hidden_column
+    )
 
 
 def test_it_is_the_trees_of_scikit_learn():
@@ -145,7 +147,7 @@ def test_a_contact_is_one_cut_of_a_distance():
 def test_the_last_tree_may_be_kept_from_looking_at_a_column():
     rows = wholes(500, 2)
     targets = np.column_stack([rows[:, 0] > 9, rows[:, 0] > 9]).astype(float)
-    told = fitted(rows, targets, unseen=0)(rows)[0]
+    told = fitted(rows, targets, hidden_column=0)(rows)[0]
     np.testing.assert_array_equal(told[:, 0], targets[:, 0])
     assert np.corrcoef(told[:, 1], targets[:, 1])[0, 1] < 0.5
 
@@ -158,7 +160,7 @@ def test_rolled_forward_each_forest_goes_its_own_way_until_a_reward():
     rows = lay_out(windows, np.zeros((4000, 0), np.int64), actions, compared(1))
     moved = now - before + 2 * actions - 1
     targets = np.column_stack([moved, now + moved >= 6, now / 10])
-    forests = fitted(rows, targets, members=2, leaf_rows=1, unseen=rows.shape[1] - 1)
+    forests = fitted(rows, targets, members=2, leaf_rows=1, hidden_column=rows.shape[1] - 1)
     sequences = np.array([[1, 1, 1, 1], [0, 0, 0, 0], [1, 0, 1, 0]])
     none = np.zeros(0, np.float32)
     known = np.zeros(1, np.float32), np.zeros((2, 1), np.float32), none
@@ -198,7 +200,7 @@ def test_together_sequences_come_to_what_each_comes_to_alone(dimension, past_sta
     rows = lay_out(windows, actions[:, 1:], actions[:, 0], relations)
     paid = np.sign(windows[:, 0, 0]) * (np.abs(windows[:, 0, 0]) > 1.5)
     targets = np.column_stack([rng.normal(scale=0.5, size=(900, dimension)), paid, rng.normal(size=900)])
-    forests = fitted(rows, targets, members=2, unseen=rows.shape[1] - 1 - past_actions)
+    forests = fitted(rows, targets, members=2, hidden_column=rows.shape[1] - 1 - past_actions)
     beginning = rng.integers(3, size=(5, 4))[rng.integers(5, size=40)]  # many begin alike, and some are alike
     sequences = np.concatenate([beginning, rng.integers(3, size=(40, 3))], axis=1)
     sequences[rng.integers(40, size=8)] = sequences[7]

@@ -1,4 +1,4 @@
-"""Choosing a command, and turning every foreseen failure into one line and an exit status."""
+"""Choosing a command, and turning every expected failure into one line and an exit status."""
 
 import ast
 import difflib

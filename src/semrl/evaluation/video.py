@@ -28,7 +28,7 @@ MAX_GIF_FRAMES = 12 * GIF_RATE
 
 _CODECS = ("libx264", "libopenh264", "mpeg4")  # the first that this build of FFmpeg has
 _QUICKLY = {"preset": "veryfast"}
-"""What libx264 is told, and the others do not know: its usual effort takes twice the processor time of this."""
+"""Options of libx264 that the others do not know: its usual effort takes twice the processor time of this."""
 _MOST_WAITING = 512
 """Moments that play may be ahead of the film, 0.1 MB each in a game of Atari."""
 _DARK, _LIGHT = 20, (214, 218, 224)

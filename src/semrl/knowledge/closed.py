@@ -25,33 +25,33 @@ def closed_scene(words: Ontology, scenes: Interpretation, place: int, base: str)
     base
         What all names begin with, ending in ``#`` or ``/``.
     """
-    told = Triples(base, found=list(to_triples(words, base)), blanks=10_000)
+    triples = Triples(base, found=list(to_triples(words, base)), blanks=10_000)
     there = np.flatnonzero(scenes.present[place]).tolist()
     names = {
-        i: told.own(list(words.individuals)[i - 1] if 1 <= i <= len(words.individuals) else f"i{i}") for i in there
+        i: triples.own(list(words.individuals)[i - 1] if 1 <= i <= len(words.individuals) else f"i{i}") for i in there
     }
-    told.add(names[0], "rdf:type", told.own(SCENE))
+    triples.add(names[0], "rdf:type", triples.own(SCENE))
     for i, name in names.items():
-        told.add(name, "rdf:type", node("owl:NamedIndividual"))
+        triples.add(name, "rdf:type", node("owl:NamedIndividual"))
         for c, concept in enumerate(words.concepts):
-            own = told.own(concept)
+            own = triples.own(concept)
             holds = scenes.classes[place, c, i]
-            told.add(name, "rdf:type", own if holds else told.combined("owl:complementOf", own))
+            triples.add(name, "rdf:type", own if holds else triples.combined("owl:complementOf", own))
         for r, role in enumerate(words.role_names):
             others = [names[j] for j in there if scenes.roles[place, r, i, j]]
-            told.found += [ox.Triple(name, told.own(role), other) for other in others]
-            only = told.combined("owl:oneOf", told.list_of(others)) if others else node("owl:Nothing")
-            told.add(name, "rdf:type", told.restriction(role, allValuesFrom=only))
+            triples.found += [ox.Triple(name, triples.own(role), other) for other in others]
+            only = triples.combined("owl:oneOf", triples.list_of(others)) if others else node("owl:Nothing")
+            triples.add(name, "rdf:type", triples.restriction(role, allValuesFrom=only))
         for d, number in enumerate(words.numbers):
             value = float(scenes.numbers[place, d, i])
             if np.isnan(value):
                 none = ox.Literal("0", datatype=node("xsd:nonNegativeInteger"))
-                told.add(name, "rdf:type", told.restriction(number, cardinality=none))
+                triples.add(name, "rdf:type", triples.restriction(number, cardinality=none))
             else:
-                told.found.append(
-                    ox.Triple(name, told.own(number), ox.Literal(repr(value), datatype=node("xsd:double")))
+                triples.found.append(
+                    ox.Triple(name, triples.own(number), ox.Literal(repr(value), datatype=node("xsd:double")))
                 )
-    apart = told.blank()
-    told.add(apart, "rdf:type", node("owl:AllDifferent"))
-    told.add(apart, "owl:distinctMembers", told.list_of(list(names.values())))
-    return told.found
+    apart = triples.blank()
+    triples.add(apart, "rdf:type", node("owl:AllDifferent"))
+    triples.add(apart, "owl:distinctMembers", triples.list_of(list(names.values())))
+    return triples.found

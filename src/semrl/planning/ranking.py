@@ -37,7 +37,7 @@ def rank(
 ) -> Plan:
     """Sort scenarios by return, then progress along the path, then closeness to the node reached (§3.4.4).
 
-    The return is what is predicted, and what is expected beyond, less what is doubtful about it. While no reward was
+    The return is what is predicted, and what is expected beyond, less what its uncertainty counts. While no reward was
     ever met, the scenario that ends farthest from all that is known comes first, in place of the closest (D81).
 
     Parameters

@@ -95,11 +95,11 @@ def imagined(world_model: WorldModel, history: History, sequences: Ints) -> Scen
     with _unscreened(world_model):  # else each would leave out others
         main, *others = (world_model.imagine(one, sequences) for one in alone)
     for other in others:
-        doubts = main.uncertainties
-        if doubts is not None and other.uncertainties is not None:
-            doubts = doubts + other.uncertainties
+        uncertainties = main.uncertainties
+        if uncertainties is not None and other.uncertainties is not None:
+            uncertainties = uncertainties + other.uncertainties
         rewards, values = main.rewards + other.rewards, main.values + other.values
-        main = replace(main, rewards=rewards, values=values, uncertainties=doubts)
+        main = replace(main, rewards=rewards, values=values, uncertainties=uncertainties)
     return main
 
 

@@ -13,7 +13,7 @@ from semrl.sweep.engine import Ended
 from semrl.sweep.task import Task
 from semrl.training.config import write_toml
 
-TOLD = 1
+REPORTED = 1
 """Exit status of a worker that says why it failed, by itself or with a traceback; any other one means it is lost."""
 
 
@@ -83,5 +83,5 @@ def _closed(job: _Job) -> Ended:
     if status == 0:
         return Ended(task=job.task, problem=None)
     lines = Path(job.said.name).read_text(encoding="utf-8", errors="replace").strip().splitlines()
-    problem = lines[-1] if lines and status == TOLD else f"exit status {status}"
-    return Ended(task=job.task, problem=problem, lost=status != TOLD)
+    problem = lines[-1] if lines and status == REPORTED else f"exit status {status}"
+    return Ended(task=job.task, problem=problem, lost=status != REPORTED)

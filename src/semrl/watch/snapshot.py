@@ -211,12 +211,12 @@ def _plan(session: WatchSession) -> dict[str, Any] | None:
 
 
 def _scenario(plan: Plan, i: int, names: tuple[str, ...]) -> dict[str, Any]:
-    doubts = plan.scenarios.uncertainties
+    uncertainties = plan.scenarios.uncertainties
     return {
         "actions": [names[action] for action in plan.scenarios.actions[i].tolist()],
         "rewards": [_rounded(reward) for reward in plan.scenarios.rewards[i].tolist()],
         "return": _rounded(float(plan.returns[i])),
-        "uncertainty": None if doubts is None else _rounded(float(doubts[i])),
+        "uncertainty": None if uncertainties is None else _rounded(float(uncertainties[i])),
     }
 
 
@@ -249,7 +249,7 @@ def _came(session: WatchSession) -> dict[str, Any]:
 
 
 def _miss(session: WatchSession) -> float | None:
-    """Return by how much the number that was foreseen worst differs; None where just this was not imagined."""
+    """Return by how much the number that was predicted worst differs; None where just this was not imagined."""
     steps = [m.step for m in session.before(1)]
     if len(steps) < 2 or steps[0].record is None or steps[0].record.plan is None or steps[1].state is None:
         return None

@@ -279,9 +279,9 @@ class TreeWorld(GrownEnsemble[Experience]):
         known = self.varying_, self.inertia_
         rows, targets = self.training_set(memory, rng)
         leaves = c.leaf_rows(targets.shape[1])
-        unseen = rows.shape[1] - 1 - c.past_actions  # the action
+        hidden_column = rows.shape[1] - 1 - c.past_actions  # the action
 
         def grow(member: int | None) -> None:
-            self.forests.fit(rows, targets, rng, leaf_rows=leaves, unseen=unseen, member=member)
+            self.forests.fit(rows, targets, rng, leaf_rows=leaves, hidden_column=hidden_column, member=member)
 
         return grow, np.array_equal(known[0], self.varying_) and np.array_equal(known[1], self.inertia_)

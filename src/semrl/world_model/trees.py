@@ -59,21 +59,21 @@ class Forests:
         rng: np.random.Generator,
         *,
         leaf_rows: Sequence[int],
-        unseen: int | None = None,
+        hidden_column: int | None = None,
         member: int | None = None,
     ) -> Self:
         """Grow trees for each column of ``(n, k)`` targets from ``(n, d)`` rows: those of a member, or all.
 
         A single forest learns from all rows, each of several from as many rows drawn with replacement. A tree's leaf
-        has at least its number of ``leaf_rows``, ``(k,)``. The last tree does not look at the column ``unseen``. Where
-        all are grown, no rule is switched off any more: the columns may be others.
+        has at least its number of ``leaf_rows``, ``(k,)``. The last tree does not look at ``hidden_column``.
+        Where all are grown, no rule is switched off any more: the columns may be others.
         """
         if member is None:
             self._off = ()
         places, cuts = bins_of(rows)
         hidden = places.copy()
-        if unseen is not None:
-            hidden[unseen] = 0
+        if hidden_column is not None:
+            hidden[hidden_column] = 0
         sights = [places] * (targets.shape[1] - 1) + [hidden]
         columns = [np.ascontiguousarray(column, np.float64) for column in targets.T]
         for i in range(self.members) if member is None else (member,):

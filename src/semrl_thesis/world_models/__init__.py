@@ -1,4 +1,4 @@
-"""World Models (§2.6.1; Ha & Schmidhuber 2018), as a comparison: V sees, M foresees, C acts and is found in a dream."""
+"""World Models (§2.6.1; Ha & Schmidhuber 2018), as a comparison: V sees, M predicts, C acts and is found in a dream."""
 
 from semrl_thesis.world_models.controller import ControllerConfig, LinearController, evolve
 from semrl_thesis.world_models.dream import Dream, DreamConfig

@@ -18,7 +18,7 @@ class DreamConfig:
     """How C is tried in M."""
 
     temperature: float = 1.0
-    """Of what is drawn from M: above 1 dreams are harder to foresee, so that C cannot profit from M's errors."""
+    """Of what is drawn from M: above 1 dreams are harder to predict, so that C cannot profit from M's errors."""
     horizon_decisions: int = 50
     """Decisions of a dream, if it does not end before."""
     starts: int = 1000
@@ -47,7 +47,7 @@ class Dream:
     Parameters
     ----------
     model
-        Foresees.
+        Predicts.
     z, state
         Of the moments at which dreams may begin, ``(n, latent_size)`` and two of ``(n, hidden_size)``.
     config

@@ -1,4 +1,4 @@
-"""M: a recurrent network that foresees z as a mixture of Gaussians, the reward and the end (§2.6.1; Bishop 1994)."""
+"""M: a recurrent network that predicts z as a mixture of Gaussians, the reward and the end (§2.6.1; Bishop 1994)."""
 
 import math
 from collections.abc import Sequence
@@ -74,7 +74,7 @@ class LatentEpisode:
 
 
 class Prediction(NamedTuple):
-    """What M foresees of the next decision; leading dimensions are those of its input."""
+    """What M predicts of the next decision; leading dimensions are those of its input."""
 
     log_weights: Tensor  # (..., mixtures), normalised
     means: Tensor  # (..., mixtures, latent_size)
@@ -104,7 +104,7 @@ class Prediction(NamedTuple):
 
 
 class MDNRNN:
-    """Foresee what an action leads to: a density over the next z, the expected reward, the probability of the end.
+    """Predict what an action leads to: a density over the next z, the expected reward, the probability of the end.
 
     All numbers of z share the components of one mixture, so that those drawn together fit together.
 
@@ -160,7 +160,7 @@ class MDNRNN:
         return torch.zeros(count, self.config.hidden_size), torch.zeros(count, self.config.hidden_size)
 
     def step(self, state: State, z: Tensor, actions: Tensor) -> tuple[Prediction, State]:
-        """Foresee what ``actions``, ``(b,)`` int64, lead to at ``z``, ``(b, latent_size)``, and step on."""
+        """Predict what ``actions``, ``(b,)`` int64, lead to at ``z``, ``(b, latent_size)``, and step on."""
         with torch.inference_mode():
             predicted, (hidden, cell) = self.network(
                 z[:, None], actions[:, None], (state[0][None].contiguous(), state[1][None].contiguous())
@@ -177,7 +177,7 @@ class MDNRNN:
 
 
 class _Network(nn.Module):
-    """An LSTM and a linear layer that gives everything that is foreseen."""
+    """An LSTM and a linear layer that gives everything that is predicted."""
 
     def __init__(self, config: MDNRNNConfig, latent_size: int, n_actions: int) -> None:
         super().__init__()

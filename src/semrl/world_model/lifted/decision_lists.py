@@ -1,6 +1,6 @@
 """What was learned of concepts as rules that a person can check: few literals, how often they held, and an otherwise.
 
-Trees foresee; these explain. For each event of a concept, such as "vy turns", conditions of at most two literals over a
+Trees predict; these explain. For each event of a concept, such as "vy turns", conditions of at most two literals over a
 fixed vocabulary are chosen one after the other, each for what those before it left (a decision list, Rivest 1987).
 """
 
