@@ -17,7 +17,8 @@ from semrl.evaluation.symbolic import (
     write_pddl,
 )
 from semrl.perception.lattice import Lattice
-from semrl.planning.symbolic.operators import Operators
+from semrl.planning.symbolic.cells import GridState
+from semrl.planning.symbolic.operators import Effect, Operator, Operators
 from semrl.planning.symbolic.search import SymbolicGoal, SymbolicPlan, nearest, search, validate
 
 MAZE = "semrl/DrawnFourRooms-v0"
@@ -159,3 +160,15 @@ def test_fast_downward_plans_as_well(maze, tmp_path):
     maze.save(tmp_path)
     result = play_plans(tmp_path, "end", trials=1, planner="fast-downward")
     assert result.solved == 1 and result.decisions == result.planned
+
+
+def test_what_is_only_made_on_the_way_can_be_stood_on():
+    def operator(action, held, **effect):
+        what = {"move": (0, 0), "kind": 0} | effect
+        return Operator(action=action, kind=0, when=(((0, 1), held),), effect=Effect(**what), support=1, against=0)
+
+    opening, entering = operator(0, 2, changes=(((0, 1), 3),)), operator(1, 3, move=(0, 1))
+    start = GridState(row=0, column=0, kind=0, cells=bytes([1, 2]), columns=2)
+    plan = search(Operators(operators=(opening, entering)), start, SymbolicGoal(concept=3))
+    assert plan is not None and plan.operators == (opening, entering)
+    assert search(Operators(operators=(entering,)), start, SymbolicGoal(concept=3)) is None

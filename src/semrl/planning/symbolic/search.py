@@ -161,7 +161,8 @@ def _targets(operators: Operators, start: GridState, goal: SymbolicGoal) -> set[
     if goal.place is not None:
         return {goal.place}
     if goal.concept is not None:
-        return set(_places(start, goal.concept))
+        made = any(goal.concept == concept for one in operators.operators for _, concept in one.effect.changes)
+        return None if made else set(_places(start, goal.concept))
     found: set[Place] = set()
     for operator in operators.operators:
         if not goal.reached(operator, None, start):
