@@ -79,8 +79,10 @@ class SharedSlots(Saved):
         now[:, 0, :2] = tracks.centres_px[:, ::-1] / np.float32(IMAGE_SIZE_PX - 1)
         now[:, 0, 2] = tracks.visible
         past = np.full((len(tracks), REMEMBERED - 1, _WIDTH), np.nan, np.float32)
-        _, new, old = np.intersect1d(tracks.ids, self._ids, assume_unique=True, return_indices=True)
-        past[new] = self._trails[old, :-1]
+        places = {track: place for place, track in enumerate(self._ids.tolist())}
+        for place, track in enumerate(tracks.ids.tolist()):
+            if track in places:
+                past[place] = self._trails[places[track], :-1]
         self._ids, self._trails = tracks.ids, np.concatenate([now, past], axis=1)
         self._lists = np.concatenate([facts[None], self._lists])[:REMEMBERED]
 
@@ -88,8 +90,11 @@ class SharedSlots(Saved):
         """Return which tracks would have a slot if it were free, and which, those first that fit best."""
         steady = (tracks.ages >= LEAST_DECISIONS) & (tracks.moves >= LEAST_MOVING_SHARE * tracks.ages)
         without = np.flatnonzero(tracks.visible & steady & (tracks.roles < 0))
-        held = self._slots[np.isin(self._assigner.slots_[self._slots], tracks.roles[tracks.visible])]
-        if not (len(without) and len(held)):
+        if not len(without):
+            return []
+        roles = set(tracks.roles[tracks.visible].tolist())
+        held = self._slots[[role in roles for role in self._assigner.slots_[self._slots].tolist()]]
+        if not len(held):
             return []
         costs: NDArray[np.float64] = self._assigner.costs(tracks)[np.ix_(without, held)]
         best = costs.argmin(axis=1)
