@@ -59,7 +59,7 @@ class Planner:
     def update_online(self, facts, things):
         self.asked.append("update")
 
-    def plan_step(self, facts, things, *, exploring):
+    def plan_step(self, facts, things, *, lists, exploring):
         self.asked.append(("plan", exploring))
         return SimpleNamespace(features=np.array([7.0], np.float32))
 
