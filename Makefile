@@ -37,10 +37,10 @@ demo: .venv/.plays  ## train on Pong for a few minutes, evaluate, write a report
 	@echo "Next, watch it think, live in the browser:  $(BIN)/semrl watch $(RUN)"
 
 test: install  ## the test suite, a few minutes
-	$(BIN)/pytest -q -n 2 --dist worksteal
+	$(BIN)/pytest -q -n 2
 
 test-slow: install  ## the long tests as well: twenty kills, learning on the real game
-	$(BIN)/pytest -q -n 2 --dist worksteal -m 'slow or not slow'
+	$(BIN)/pytest -q -n 2 -m 'slow or not slow'
 
 check: install  ## format, lint, types, import layers
 	$(BIN)/ruff format --check src tests benchmarks examples

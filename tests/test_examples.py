@@ -43,7 +43,10 @@ def test_every_example_is_run():
     assert {path.stem for path in EXAMPLES.glob("*.py")} == set(RUNS)
 
 
-@pytest.mark.parametrize("name", [name for name in RUNS if name != "sb3_dqn"])
+SLOW = {"actor_critic": pytest.mark.slow}
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=SLOW.get(n, ())) for n in RUNS if n != "sb3_dqn"])
 def test_example(name, tmp_path):
     arguments, expected = RUNS[name]
     assert expected in run(name, arguments, tmp_path)

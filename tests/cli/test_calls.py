@@ -213,7 +213,7 @@ def test_the_help_explains_every_setting(call, monkeypatch):
         assert len(text.split("(default")[0].split()) >= 3, f"{path} is not explained"
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_signals_stop_a_process_in_one_line(call, tmp_path, tiny_toml, number):
     run = tmp_path / "run"
     path = tiny_toml("otsu", decisions=1_000_000, checkpoint_seconds=0.05)

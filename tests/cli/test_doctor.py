@@ -34,7 +34,17 @@ def test_a_package_that_is_missing_is_told(package):
     assert f"'{package}>=0.1'" in err and err.count("\n") == 1 and "Traceback" not in err
 
 
-@pytest.mark.parametrize("names", [("torch",), ("rich", "tyro"), ("packaging",), tuple(map(module, NEEDED))])
+SLOW = pytest.mark.slow
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("torch",),
+        *(pytest.param(n, marks=SLOW) for n in (("rich", "tyro"), ("packaging",))),
+        tuple(map(module, NEEDED)),
+    ],
+)
 def test_people_are_told_how_to_get_it(names):
     done = semrl("doctor", before=without(*names))
     out, err = done.stdout.decode(), done.stderr.decode()

@@ -65,7 +65,7 @@ def mean_return(env, choose, episodes=20):
     return float(np.mean([play(env, choose, 10**6 + i)[0] for i in range(episodes)]))
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(s, marks=pytest.mark.slow) for s in (1, 2))])
 def test_dqn_learns_to_catch_every_ball(seed):
     env = FrameSkip(Catch(observation="vector"), 4)
     agent = DQN(QUICK, space=StateSpace(shape=(4,)), n_actions=2, seed=seed)

@@ -67,6 +67,7 @@ def test_every_number_of_the_thesis_has_a_row():
     assert all(row.better in ("higher", "lower", "near") and row.ours is None for row in rows.values())
 
 
+@pytest.mark.slow
 def test_everything_is_measured_and_told(out):
     (line,) = (out / "told.json").read_text().splitlines()
     rows = {row["id"]: row for row in json.loads(line)["results"]}
@@ -82,6 +83,7 @@ def test_everything_is_measured_and_told(out):
     assert [n for n in numbers if f"Fig. {n}:" not in page] == []
 
 
+@pytest.mark.slow
 def test_what_comes_with_the_package_needs_no_runs(out, tmp_path, monkeypatch, call):
     """Ledger and results count as done, and what was not asked for is on the page all the same."""
 
@@ -99,6 +101,7 @@ def test_what_comes_with_the_package_needs_no_runs(out, tmp_path, monkeypatch, c
     assert not (tmp_path / "runs").exists()
 
 
+@pytest.mark.slow
 def test_the_test_of_a_run_outlives_its_folder(out, tmp_path):
     ontology = discover()["ontology"]
     context = Context(scale="tiny", folder=tmp_path, ledger=read_ledger([out]), shipped=(out,))
@@ -188,6 +191,7 @@ def test_what_could_not_be_tested_is_tried_again(tmp_path):
     assert reproduction._kept(experiment, [tmp_path], "settings") is None
 
 
+@pytest.mark.slow
 def test_without_an_extra_the_rest_is_measured(out, monkeypatch):
     """Stable-Baselines3 is not there."""
     monkeypatch.setitem(sys.modules, "stable_baselines3", None)

@@ -28,8 +28,10 @@ def small(monkeypatch):
     monkeypatch.setattr(speed, "GROWTH_SCENES", 2)
 
 
-@pytest.mark.parametrize("peers", [False, pytest.param(True, marks=pytest.mark.skipif(
-    find_spec("gensim") is None, reason="its extra is not installed"))])  # fmt: skip
+GENSIM = pytest.mark.skipif(find_spec("gensim") is None, reason="its extra is not installed")
+
+
+@pytest.mark.parametrize("peers", [pytest.param(False, marks=pytest.mark.slow), pytest.param(True, marks=GENSIM)])
 def test_bench_tells_every_stage_and_draws_it(call, tmp_path, small, peers):
     page = tmp_path / "speed.html"
     flags = ["--frames", 20, "--rounds", 1, "--html", page, "--json", *(["--peers"] if peers else [])]

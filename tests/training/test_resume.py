@@ -147,7 +147,8 @@ def slow_config(tiny):
     )
 
 
-@pytest.mark.parametrize("kills", [3, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kills", [3, 20])
 def test_a_run_killed_at_random_moments_ends_like_the_unbroken_one(tmp_path, slow_config, kills):
     train(tmp_path / "unbroken", slow_config)
     run, settings = tmp_path / "killed", tmp_path / "settings.toml"
