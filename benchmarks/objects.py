@@ -35,9 +35,8 @@ from semrl.concepts import Concepts
 from semrl.concepts.concepts import NO_CONCEPT
 from semrl.concepts.counting import LABELS_A_KIND
 from semrl.core import IMAGE_SIZE_PX, Floats, Observation, Tracks
-from semrl.core.things import ID, KIND, OWN, STILL
+from semrl.core.things import ID, KIND, LEAST_MOVING_SHARE, OWN, STILL
 from semrl.perception.encoders.objects import ObjectsEncoder
-from semrl.perception.tracking.slot_statistics import LEAST_MOVING_SHARE
 from semrl.training import RunConfig, preset
 from semrl.training.session import limited_threads
 from semrl_thesis.perception import new_run, pretrain

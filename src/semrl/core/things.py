@@ -18,8 +18,8 @@ COLUMNS = 9
 SLOT_NUMBERS = 3
 """What the list of tracked objects holds of each: x, y and whether it is seen."""
 
-_STILL_SHARE = 0.05
-"""What moves at fewer of the decisions, and has no slot, is still."""
+LEAST_MOVING_SHARE = 0.05
+"""Share of the decisions at which a thing must have moved, else it is scenery: still, unless it has a slot."""
 
 
 def no_things() -> Floats:
@@ -44,6 +44,6 @@ def things_of(tracks: Tracks, kinds: Ints, slots: Floats, own: Floats) -> Floats
     things = np.empty((len(seen), COLUMNS), np.float32)
     things[:, ID], things[:, KIND] = tracks.ids[seen], kinds[seen]
     things[:, OWN], things[:, SLOT] = own[roles], slots[roles]
-    things[:, STILL] = (tracks.moves[seen] < _STILL_SHARE * np.maximum(ages, 1)) & (things[:, SLOT] < 0)
+    things[:, STILL] = (tracks.moves[seen] < LEAST_MOVING_SHARE * np.maximum(ages, 1)) & (things[:, SLOT] < 0)
     things[:, LEFT:] = tracks.edges_px[seen]
     return things

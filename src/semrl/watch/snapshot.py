@@ -234,7 +234,7 @@ def _trail(session: WatchSession) -> list[list[list[float]]]:
 
 def _came(session: WatchSession) -> dict[str, Any]:
     """Tell the last decisions, and how far from what was imagined one decision before this state is."""
-    lived = session.before(TRAIL_DECISIONS)
+    trail = session.before(TRAIL_DECISIONS)
     names = session.player.action_names
     decisions = [
         {
@@ -243,7 +243,7 @@ def _came(session: WatchSession) -> dict[str, Any]:
             "by": m.by,
             "reward": m.step.reward,
         }
-        for m in lived[1:]
+        for m in trail[1:]
     ]
     return {"decisions": decisions, "miss": _miss(session)}
 

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from semrl.core import Floats, Ints, Tracks
 from semrl.core.errors import UsageError
 from semrl.core.protocols import Saved
-from semrl.perception.tracking.slot_statistics import HABITS, LEAST_MOVING_SHARE, habits_of
+from semrl.core.things import LEAST_MOVING_SHARE
+from semrl.perception.tracking.slot_statistics import HABITS, habits_of
 from semrl.perception.tracking.slots import SlotAssigner
 from semrl.perception.tracking.tints import ALIKE
 
@@ -31,7 +32,6 @@ class InheritanceConfig:
     taken for what behaves most like it; 0: never."""
     fit: float = 4.0
     """How far it may be from what it is taken for: the mean square of its deviations, in standard deviations."""
-
     shares: bool = True
     """Whether, where more things of a kind are seen at once than while slots were learned, plans are made for all."""
 

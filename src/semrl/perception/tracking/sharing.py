@@ -5,7 +5,8 @@ from numpy.typing import NDArray
 
 from semrl.core import IMAGE_SIZE_PX, Floats, Ints, Tracks
 from semrl.core.protocols import Saved
-from semrl.perception.tracking.slot_statistics import LEAST_MOVING_SHARE, NEVER
+from semrl.core.things import LEAST_MOVING_SHARE
+from semrl.perception.tracking.slot_statistics import NEVER
 from semrl.perception.tracking.slots import SLOT_NUMBERS, SlotAssigner
 
 REMEMBERED = 16
@@ -58,7 +59,7 @@ class SharedSlots(Saved):
         Returns
         -------
         tuple
-            None where no slot is shared. The first is that of the things that have the slots.
+            Empty where no slot is shared. The first is that of the things that have the slots.
         """
         if not len(self._slots):
             return ()

@@ -9,6 +9,7 @@ from semrl.core import Floats, Ints, Tracks
 from semrl.core.arrays import Arrays
 from semrl.core.kernels import compiled
 from semrl.core.protocols import Saved
+from semrl.core.things import LEAST_MOVING_SHARE
 
 NEVER = 1e6
 """What it costs to give a track a role that it cannot have."""
@@ -18,9 +19,6 @@ _WIDTH_PX, _WIDTH_COUNT = 20.0, 30
 
 STEADY_DECISIONS = 5
 """After so many decisions it shows whether a track moves."""
-
-LEAST_MOVING_SHARE = 0.05
-"""Share of the decisions at which it must have moved then, else it is scenery."""
 
 MOST_TOGETHER = 0.05
 """Share of the frames with the rarer of two roles, up to which the other is seen in them too if they take turns."""

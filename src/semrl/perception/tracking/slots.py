@@ -11,10 +11,10 @@ from semrl.core import IMAGE_SIZE_PX, Floats, Ints, Tracks
 from semrl.core.errors import DataError, UsageError
 from semrl.core.kernels import compiled
 from semrl.core.protocols import Saved
-from semrl.core.things import things_of
+from semrl.core.things import LEAST_MOVING_SHARE, things_of
 from semrl.perception.tracking.controllability import Controllability
 from semrl.perception.tracking.following import MOVED_PX
-from semrl.perception.tracking.slot_statistics import LEAST_MOVING_SHARE, NEVER, STEADY_DECISIONS, SlotStatistics, costs
+from semrl.perception.tracking.slot_statistics import NEVER, STEADY_DECISIONS, SlotStatistics, costs
 from semrl.perception.tracking.tints import Tints
 
 SLOT_NUMBERS = ("x", "y", "seen")
