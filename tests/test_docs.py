@@ -83,7 +83,7 @@ def leaves(kind):
 
 @pytest.mark.parametrize("symbol", SYMBOLS)
 def test_symbol_exists(symbol):
-    resolve(symbol)
+    assert resolve(symbol)
 
 
 def test_a_wrong_symbol_would_be_noticed():

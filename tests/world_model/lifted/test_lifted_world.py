@@ -28,27 +28,27 @@ def world():
 
 
 @pytest.fixture(scope="module")
-def test_play():
+def new_play():
     return trajectory_of(*rally(800, 77))
 
 
-def test_places_are_predicted_far_ahead(world, test_play):
+def test_places_are_predicted_far_ahead(world, new_play):
     near, far = [], []
     for t in range(5, 780 - HORIZON, 7):
-        if test_play.rewards[t : t + HORIZON].any():
+        if new_play.rewards[t : t + HORIZON].any():
             continue
-        told = world.imagine(history_of(test_play, t), test_play.actions[None, t : t + HORIZON])
-        wrong = 83 * np.abs(told.states[0] - test_play.states[t + 1 : t + HORIZON + 1]).max(axis=1)
+        told = world.imagine(history_of(new_play, t), new_play.actions[None, t : t + HORIZON])
+        wrong = 83 * np.abs(told.states[0] - new_play.states[t + 1 : t + HORIZON + 1]).max(axis=1)
         near.append(wrong[:3].max() < 1)
         far.append(wrong[-1] < 4)
     assert len(near) > 30 and np.mean(near) > 0.9 and np.mean(far) > 0.8
 
 
-def test_losses_are_predicted_and_only_those(world, test_play):
+def test_losses_are_predicted_and_only_those(world, new_play):
     came, told_rightly, false = 0, 0, 0
     for t in range(5, 780 - HORIZON, 5):
-        told = world.imagine(history_of(test_play, t), test_play.actions[None, t : t + HORIZON])
-        lost = np.flatnonzero(test_play.rewards[t : t + HORIZON])
+        told = world.imagine(history_of(new_play, t), new_play.actions[None, t : t + HORIZON])
+        lost = np.flatnonzero(new_play.rewards[t : t + HORIZON])
         predicted = np.flatnonzero(np.rint(told.rewards[0]))
         came += len(lost) > 0
         told_rightly += len(lost) > 0 and len(predicted) > 0 and abs(predicted[0] - lost[0]) <= 1
@@ -56,8 +56,8 @@ def test_losses_are_predicted_and_only_those(world, test_play):
     assert came > 15 and told_rightly > 0.6 * came and false < 0.2 * came
 
 
-def test_actions_matter_to_what_is_controlled_alone(world, test_play):
-    history = history_of(test_play, 50)
+def test_actions_matter_to_what_is_controlled_alone(world, new_play):
+    history = history_of(new_play, 50)
     up, down = world.imagine(history, np.array([[0] * 8, [1] * 8])).states
     own, ball = slice(0, 2), slice(3, 5)
     assert 83 * (down[-1, own] - up[-1, own])[1] > 20
@@ -80,45 +80,45 @@ def test_a_second_ball_flies_like_the_first(world):
     assert told.states[0, 2, [2, 5]].tolist() == [1, 1]
 
 
-def test_it_goes_on_where_it_was_saved(world, test_play):
+def test_it_goes_on_where_it_was_saved(world, new_play):
     again = LiftedWorld(CONFIG, 6, seed=1, discount=0.95)
     again.from_arrays(world.to_arrays())
     player = LiftedWorld(CONFIG, 6, seed=1, discount=0.95)
     player.from_arrays(world.inference_arrays())
     sequences = np.array([[0, 1, 0, 1], [1, 1, 1, 1]])
-    told = [one.imagine(history_of(test_play, 60), sequences) for one in (world, again, player)]
+    told = [one.imagine(history_of(new_play, 60), sequences) for one in (world, again, player)]
     for name in ("actions", "states", "rewards", "values", "uncertainties"):
         for other in told[1:]:
             np.testing.assert_array_equal(getattr(told[0], name), getattr(other, name))
     grown = learned()
     assert digest(grown.to_arrays()) == digest(world.to_arrays())
     for one in (grown, again):
-        one.partial_fit(test_play)
+        one.partial_fit(new_play)
     assert digest(grown.to_arrays()) == digest(again.to_arrays())
 
 
-def test_it_learns_while_an_episode_goes_on(test_play):
+def test_it_learns_while_an_episode_goes_on(new_play):
     world = LiftedWorld(CONFIG, 6)
     world.partial_fit(trajectory_of(*rally(150, 0)))
     assert not world.is_fitted
     part = Trajectory(
-        states=test_play.states[:101],
-        actions=test_play.actions[:100],
-        rewards=test_play.rewards[:100],
-        things=test_play.things[:101],
+        states=new_play.states[:101],
+        actions=new_play.actions[:100],
+        rewards=new_play.rewards[:100],
+        things=new_play.things[:101],
     )
     world.update_online(part)
     assert world.is_fitted and len(world.play) == 150
 
 
-def test_scenarios_that_begin_alike_are_predicted_as_if_alone(world, test_play):
+def test_scenarios_that_begin_alike_are_predicted_as_if_alone(world, new_play):
     rng = np.random.default_rng(0)
     sequences = rng.integers(2, size=(12, 9))
     sequences[6:, :5] = sequences[2, :5]
     sequences[9] = sequences[0]
-    together = world.imagine(history_of(test_play, 90), sequences)
+    together = world.imagine(history_of(new_play, 90), sequences)
     for i, one in enumerate(sequences):
-        alone = world.imagine(history_of(test_play, 90), one[None])
+        alone = world.imagine(history_of(new_play, 90), one[None])
         np.testing.assert_array_equal(alone.states[0], together.states[i])
         np.testing.assert_array_equal(alone.rewards[0], together.rewards[i])
         np.testing.assert_array_equal(alone.values[0], together.values[i])
