@@ -97,7 +97,9 @@ class SemanticEnv(gym.Wrapper[Shown, Any, Frame, Any], gym.utils.RecordConstruct
         if not space.n_facts:
             raise UsageError(f"a planner needs facts to reason about, and the encoder '{config.encoder_name}' has none")
         n_actions = int(env.action_space.n)  # type: ignore[attr-defined]
-        self.planning = PlanningModule(config.planning, space.n_facts, n_actions, seed=config.seed, axes=space.axes)
+        self.planning = PlanningModule(
+            config.planning, space.n_facts, n_actions, seed=config.seed, axes=space.axes, seen=space.seen
+        )
         self.action_names = tuple(action_meanings(env))
         self.pretraining_decisions = 0
         self.record: PlanRecord | None = None

@@ -38,6 +38,8 @@ class StateSpace:
     """Of the facts, where they have names; of slots only those in use, so there may be fewer than facts."""
     axes: Ints | None = None
     """``(n_facts,)`` int64: along which axis each fact lies, −1 for what is no place; None where that is not known."""
+    seen: Ints | None = None
+    """``(n_facts,)`` int64: which fact says whether the thing that each is about is seen; None where all always are."""
     unit: float | None = None
     """In which unit facts are shown to people: what 1 means in it, as a share of their range; None: as they are."""
     has_things: bool = False

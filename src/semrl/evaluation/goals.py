@@ -14,11 +14,12 @@ from semrl.core import Floats, MapGraph
 from semrl.core.errors import UsageError
 from semrl.envs import Game
 from semrl.envs.actions import Env
+from semrl.evaluation.graph import node_states
 from semrl.evaluation.player import Player, load_player
 from semrl.evaluation.rules import switch_rules
 from semrl.evaluation.scores import EVALUATION_SEED
 from semrl.evaluation.shield import keeping_out
-from semrl.evaluation.words import RunWords, knowledge_of, node_states, words_of_run
+from semrl.evaluation.words import RunWords, knowledge_of, words_of_run
 from semrl.knowledge.compiler import Classifier
 from semrl.knowledge.distance import Distance
 from semrl.knowledge.edits import enabled_forbidden

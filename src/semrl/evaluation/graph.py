@@ -3,6 +3,9 @@
 import tomllib
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from semrl.core import MapGraph
 from semrl.core.arrays import unnest
 from semrl.core.errors import DataError, SemrlError, UsageError
@@ -37,6 +40,14 @@ def load_graph(run: str | Path) -> MapGraph:
     except (KeyError, IndexError, DataError) as error:
         raise SemrlError(f"the checkpoint of {run} does not fit its configuration ({error})") from error
     return state_map.graph_
+
+
+def node_states(graph: MapGraph, weight: float, dimension: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the facts that each node of a map stands for, and those before them, ``(n, d)`` each."""
+    states = graph.node_means[:, :dimension].astype(np.float32)
+    if weight <= 0:
+        return states, states
+    return states, (states - graph.node_means[:, dimension:] / weight).astype(np.float32)
 
 
 def _settings(folder: RunFolder) -> StateMapConfig:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from semrl.core import Ints, MapGraph, Sight, Trajectory
+from semrl.core import Sight, Trajectory
 from semrl.core.errors import UsageError
 from semrl.evaluation.player import Player
 from semrl.knowledge.edits import Edited, edited, read_log
@@ -20,11 +20,8 @@ _SIDE_PX = 84
 _MOST_DECISIONS = 20_000
 """From which classes of scenes are learned, the newest ones."""
 
-_RARE = 0.002
-"""Share of the states at either end that bounds of a number leave out."""
-
 _SLACK = 3.0
-"""Percent by which numbers may leave the range in which they were seen: nodes of the map are means."""
+"""Percent by which numbers may leave the range in which they were met: play to come goes a little further."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -62,20 +59,15 @@ def words_of_run(player: Player, run: str | Path) -> RunWords:
     words = words_of(slots, kinds)
     percent = 1 / (space.unit or 0.01)
     reader = SlotReader(slots, kinds, words, percent=percent)
-    graph = planning.state_map.graph_
-    states, previous = node_states(graph, planning.config.velocity_weight, space.n_facts)
-    scenes = reader.read(states, previous)
-    seen = scenes.numbers[:, :2, 1 + len(words.individuals) :]  # (b, 2, k)
-    low, high = np.nanmin(seen, axis=(0, 2)), np.nanmax(seen, axis=(0, 2))
-    reader.arena[:] = *low, *high
+    bounds = planning.extent.bounds_.astype(np.float32)
+    met = reader.read(bounds, bounds).numbers[:, :2, 1 + len(words.individuals) :]  # (2, 2, k): lowest and highest
+    reader.arena[:] = *np.nanmin(met[0], axis=1), *np.nanmax(met[1], axis=1)
     ranges: dict[tuple[str, str], tuple[float, float]] = {}
-    for place, axis in np.ndindex(len(slots), 2):
-        if np.isnan(values := seen[:, axis, place]).all():
-            continue
-        first, last = _bounds(values, graph.node_counts)
+    for place, axis in np.argwhere(~np.isnan(met[0].T)).tolist():
+        first, last = met[0, axis, place] - _SLACK, met[1, axis, place] + _SLACK
         for key in ((kind, list(NUMBERS)[axis]) for kind in kinds[place]):
             below, above = ranges.get(key, (first, last))
-            ranges[key] = min(below, first), max(above, last)
+            ranges[key] = float(min(below, first)), float(max(above, last))
     return _with_learned_classes(RunWords(words=replace(words, ranges=ranges), reader=reader), planning.world_model)
 
 
@@ -95,16 +87,6 @@ def _with_learned_classes(run: RunWords, world_model: WorldModel) -> RunWords:
     return replace(run, words=run.words.having(**learned))
 
 
-def _bounds(values: NDArray[np.float64], counts: Ints) -> tuple[float, float]:
-    """Return between which bounds nearly all states have a number: tracks are mixed up now and then."""
-    order = np.argsort(values)  # what is not seen is NaN, and stands last
-    order = order[~np.isnan(values[order])]
-    below = np.cumsum(counts[order]) / counts[order].sum()
-    first, last = np.searchsorted(below, [_RARE, 1 - _RARE])
-    low, high = values[order[first]], values[order[min(last, len(order) - 1)]]
-    return float(low) - _SLACK, float(high) + _SLACK
-
-
 def knowledge_of(words: RunWords, run: str | Path) -> Edited:
     """Return what a run knows with what people have added to it.
 
@@ -114,14 +96,6 @@ def knowledge_of(words: RunWords, run: str | Path) -> Edited:
         When that does not go with what the run has learned since.
     """
     return edited(words.words, read_log(Path(run)))
-
-
-def node_states(graph: MapGraph, weight: float, dimension: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return the facts that each node of a map stands for, and those before them, ``(n, d)`` each."""
-    states = graph.node_means[:, :dimension].astype(np.float32)
-    if weight <= 0:
-        return states, states
-    return states, (states - graph.node_means[:, dimension:] / weight).astype(np.float32)
 
 
 def _flying(planning: PlanningModule, dimension: int) -> NDArray[np.bool_]:

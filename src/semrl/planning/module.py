@@ -15,6 +15,7 @@ from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.errors import UsageError
 from semrl.core.registry import Registry
 from semrl.grounding import GROUNDERS, PlanFeaturesConfig
+from semrl.planning.extent import Extent
 from semrl.planning.keeping import KeepingConfig, PlanKeeper
 from semrl.planning.long_term import LongTermConfig, plan_routes
 from semrl.planning.protocol import Knowledge, Planner, coordinates
@@ -107,17 +108,28 @@ class PlanningModule:
         Of the world model.
     axes
         ``(dimension,)`` int64: along which axis each fact lies, −1: along none; all along one when None.
+    seen
+        ``(dimension,)`` int64: which fact says whether the thing that each is about is seen; all always are when None.
 
     Attributes
     ----------
     world_model, planner, grounder, state_map, routes
         The boxes, and the ways on the map as they are planned now.
+    extent
+        Between which bounds the facts lay.
     concepts
         What the things of the world are, learned from each episode where things are followed.
     """
 
     def __init__(
-        self, config: PlanningConfig, dimension: int, n_actions: int, *, seed: int, axes: Ints | None = None
+        self,
+        config: PlanningConfig,
+        dimension: int,
+        n_actions: int,
+        *,
+        seed: int,
+        axes: Ints | None = None,
+        seen: Ints | None = None,
     ) -> None:
         self.config = config
         self.dimension = dimension
@@ -139,6 +151,7 @@ class PlanningModule:
         changes = config.velocity_weight > 0
         self.state_map = StateMap(config.state_map, dimension * (2 if changes else 1), n_actions, changes=changes)
         self.routes = plan_routes(self.state_map.graph_, config.long_term)
+        self.extent = Extent(dimension, seen)
         self.concepts = Concepts(config.concepts)
         if isinstance(self.world_model, ConceptBased):
             self.world_model.share(self.concepts)
@@ -251,6 +264,7 @@ class PlanningModule:
         if any(len(seen) for seen in trajectory.things):
             self.concepts.partial_fit(trajectory.things)
         self.state_map.partial_fit(self.on_map(trajectory))
+        self.extent.partial_fit(trajectory.states)
         mapped = time.perf_counter()
         learned = self.world_model.partial_fit(trajectory)
         modelled = time.perf_counter()
@@ -278,6 +292,7 @@ class PlanningModule:
             world_model=self.world_model.to_arrays(),
             episode=self._episode.to_arrays(),
             concepts=self.concepts.to_arrays(),
+            extent=self.extent.to_arrays(),
         )
         return parts | nest(kept=self._keeper.to_arrays()) | {"proposed": self._proposed}
 
@@ -287,6 +302,7 @@ class PlanningModule:
             state_map=self.state_map.to_arrays(),
             world_model=self.world_model.inference_arrays(),
             concepts=self.concepts.to_arrays(),
+            extent=self.extent.to_arrays(),
         )
 
     def from_arrays(self, arrays: Arrays) -> None:
@@ -294,6 +310,10 @@ class PlanningModule:
         if concepts := unnest(arrays, "concepts"):  # older checkpoints have none
             self.concepts.from_arrays(concepts)
         self.state_map.from_arrays(unnest(arrays, "state_map"))
+        if extent := unnest(arrays, "extent"):
+            self.extent.from_arrays(extent)
+        else:  # older checkpoints have none
+            self.extent.partial_fit(self.state_map.graph_.node_means[:, : self.dimension])
         self.world_model.from_arrays(unnest(arrays, "world_model"))
         self.routes = plan_routes(self.state_map.graph_, self.config.long_term)
         if "proposed" in arrays:

@@ -60,7 +60,9 @@ def build_parts(config: RunConfig, world: World) -> Parts:
     if config.plans:
         if not space.n_facts:
             raise UsageError(f"a planner needs facts to reason about, and the encoder '{config.encoder_name}' has none")
-        planning = PlanningModule(config.planning, space.n_facts, n_actions, seed=seeds[3], axes=space.axes)
+        planning = PlanningModule(
+            config.planning, space.n_facts, n_actions, seed=seeds[3], axes=space.axes, seen=space.seen
+        )
         if getattr(planning.world_model, "reads_things", False) and not space.has_things:
             raise UsageError(
                 f"the world model '{config.planning.world_model}' needs things that are followed, which the encoder "

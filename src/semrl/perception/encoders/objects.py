@@ -111,14 +111,14 @@ class TrackedEpisode:
 def listed_space(perception: Perception, before: int = 0) -> StateSpace:
     """Return the space of states that are a list of tracked objects, behind so many other numbers."""
     roles = perception.slot_assigner
-    axes = np.tile(
-        [AXES.index(name) if name in AXES else -1 for name in SLOT_NUMBERS], perception.config.slot_assigner.slots
-    )
+    slots, numbers = perception.config.slot_assigner.slots, len(SLOT_NUMBERS)
+    axes = np.tile([AXES.index(name) if name in AXES else -1 for name in SLOT_NUMBERS], slots)
     return StateSpace(
         shape=(before + roles.dimension,),
         n_facts=roles.dimension,
         names=tuple(f"{role} {name}" for role in roles.names_ for name in SLOT_NUMBERS),
         axes=axes,
+        seen=np.repeat(numbers * np.arange(slots) + SLOT_NUMBERS.index("seen"), numbers),
         unit=PERCENT,
         has_things=True,
     )
