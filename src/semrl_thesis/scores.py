@@ -31,7 +31,7 @@ LOST = -21
 SWEEPS: dict[Scale, Sweep] = {
     "full": Sweep(
         decisions={"thesis": 2_000_000, "semrl": 500_000},
-        seeds={"thesis": ((0,), (0,)), "semrl": ((0,), (0, 1, 2))},
+        seeds={"thesis": ((0,), (0, 1, 2)), "semrl": ((0,), (0, 1, 2))},
         models=tuple(TABLE),
         # Who wins every game by the same line forgets all others: what is remembered is 100,000 decisions of that line.
         # Five times the play of the preset: as many updates as with a fifth of it.
