@@ -143,7 +143,12 @@ class SemanticEnv(gym.Wrapper[Shown, Any, Frame, Any], gym.utils.RecordConstruct
         return shown, float(reward), terminated, truncated, info
 
     def rules(self, most: int = 8) -> list[Rule]:
-        """Return the rules by which the world model predicts; none before there are any, or where it has none."""
+        """Return what was learned in rules: about concepts where things are followed, else of the world model's trees.
+
+        There are none before the first episode has ended, nor where the world model has no trees.
+        """
+        if found := self.planning.concept_rules.rules(self.action_names, most=most):
+            return found
         world = self.planning.world_model
         if not (isinstance(world, RuleBased) and world.is_fitted):
             return []

@@ -6,6 +6,7 @@ from collections import Counter
 import pytest
 
 from semrl.cli import main
+from semrl.core.errors import UsageError
 from semrl.evaluation.happenings import load_events
 from semrl.evaluation.rules import load_rules
 from semrl.knowledge.events import KINDS
@@ -57,3 +58,5 @@ def test_runs_without_concepts_are_told_so(map_run, objects_run, capsys):
 def test_rules_are_about_concepts(lifted_run):
     for rule in load_rules(lifted_run):
         assert rule.claim and 0 <= rule.right <= rule.decisions and rule.about.split()[0] != "number"
+    with pytest.raises(UsageError, match="predicts by 'lifted', which has no rules to read"):
+        load_rules(lifted_run, trees=True)

@@ -196,7 +196,7 @@ def test_a_rule_that_is_switched_off_counts_for_nothing_until_it_is_on_again(run
         return player.planning.world_model.imagine(step.record.history, sequences).states
 
     before, known = imagined(), rules()
-    printed = json.loads(call("rules", run, "--json").out)["rules"]
+    printed = json.loads(call("rules", run, "--trees", "--json").out)["rules"]
     assert set(known) == {one["name"] for one in printed} and all(one["enabled"] for one in known.values())
     write_log(run, [Edit(do="disable", name=name) for name, one in known.items() if "the re" not in one["about"]])
     assert not np.array_equal(imagined(), before)

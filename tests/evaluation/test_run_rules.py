@@ -3,6 +3,7 @@
 import pytest
 
 from semrl.core.errors import UsageError
+from semrl.evaluation.player import load_player
 from semrl.evaluation.rules import load_rules
 from semrl.world_model.tree_world import RETURN, REWARD
 
@@ -20,6 +21,15 @@ def test_every_number_of_the_state_and_the_reward_have_rules(ram_map_run):
         assert counts == sorted(counts, reverse=True)
     assert len({sum(rule.decisions for rule in by_name[name]) for name in names}) == 1
     assert any("the action" in condition for rule in by_name["player_y"] for condition in rule.conditions)
+
+
+def test_where_things_are_followed_rules_are_about_concepts(tracked_run):
+    found = load_rules(tracked_run)
+    concepts = load_player(tracked_run).planning.concepts.table_.names
+    assert found and all(rule.about == REWARD or rule.about.split()[0] in concepts for rule in found)
+    assert all(rule.claim and 0 <= rule.right <= rule.decisions for rule in found)
+    by_trees = load_rules(tracked_run, trees=True)
+    assert by_trees and not any(rule.claim for rule in by_trees)
 
 
 def test_networks_have_no_rules_to_read(map_run, semantic_run):

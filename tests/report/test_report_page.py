@@ -7,10 +7,10 @@ from pages import Wellformed
 
 from semrl.core.arrays import json_to_array, nest, ragged_to_arrays
 from semrl.core.errors import SemrlError, UsageError
-from semrl.core.files import write_arrays, write_text
+from semrl.core.files import read_arrays, write_arrays, write_text
 from semrl.perception.config import PerceptionConfig
 from semrl.perception.encoders import ENCODERS
-from semrl.report import wording, write_report
+from semrl.report import scenes, wording, write_report
 from semrl.training import RunConfig, RunFolder
 from semrl.training.config import to_dict
 from semrl.training.metrics import MetricsFile, read_metrics
@@ -122,6 +122,28 @@ def test_every_encoder_has_a_sentence(tmp_path, encoder):
     write_arrays(run / "gallery.npz", {**arrays, **shown, "meta": json_to_array(meta)})
     text, page = page_of(run)
     assert wording.SEES[encoder] in page.words and text.count("What the agent is shown of it") == 2
+
+
+def test_rules_stand_under_their_concepts_with_pictures_of_their_kinds(tmp_path):
+    run = make_run(tmp_path / "run", gallery=False)
+    notes = {
+        "encoder": "objects", "names": [], "seed": 0, "decisions": 5900, "played": 1000,
+        "concepts": [{"name": "ball", "moved": "autonomous", "kinds": [11, 5]}],
+        "rules": [
+            {"about": "the reward", "says": "+1 by ball if it is lost  (2 of 3)"},
+            {"about": "ball vx", "says": "vx := −vx if it touches <b>me</b>  (7 of 9)"},
+            {"about": "ball vy", "says": "vy turns otherwise  (1 of 900)"},
+        ],
+    }  # fmt: skip
+    write_arrays(run / "gallery.npz", {**gallery_arrays(), "meta": json_to_array(notes)})
+    text, page = page_of(run)
+    reward, ball = scenes.concepts(read_arrays(run / "gallery.npz"))
+    assert (reward.name, reward.pictures, len(reward.rules)) == ("the reward", (), 1)
+    assert (ball.name, len(ball.pictures), len(ball.rules)) == ("ball", 1, 2), "kind 5 was not seen"
+    assert "What it has learned of its world" in page.words and "vx := −vx if it touches <b>me</b>" in page.words
+    assert "<b>me</b>" not in text, "names are text"
+    other = make_run(tmp_path / "other")
+    assert "What it has learned" not in page_of(other)[1].words
 
 
 def test_it_needs_nothing_else(whole):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from semrl.core import MapGraph
 from semrl.evaluation.player import load_player
-from semrl.evaluation.rules import rules_of
+from semrl.evaluation.rules import tree_rules_of
 from semrl.training.folder import RunFolder
 from semrl.world_model.rules import Rule
 
@@ -42,6 +42,6 @@ def load_map(run: str | Path) -> LoadedMap:
     return LoadedMap(
         graph=graph,
         action_names=player.action_names,
-        rules=tuple(rules_of(player)),
+        rules=tuple(tree_rules_of(player)),
         base=RunFolder.open(Path(run)).base_iri,
     )

@@ -12,25 +12,43 @@ MOST = 8
 """Rules for each number of a state, and for the reward, when nothing else is asked for."""
 
 
-def load_rules(run: str | Path, *, most: int = MOST) -> list[Rule]:
-    """Read the rules that a run has learned, so many for each number of its state and for the reward.
+def load_rules(run: str | Path, *, most: int = MOST, trees: bool = False) -> list[Rule]:
+    """Read the rules that a run has learned, so many for each number and for the reward.
+
+    Parameters
+    ----------
+    run
+        Its folder.
+    most
+        Rules for each number.
+    trees
+        Those by which it predicts, of its trees, in place of the short ones about concepts.
 
     Raises
     ------
     UsageError
-        When there is no such run, or its model of the world is not made of trees.
+        When there is no such run, it has no map, or no rules of this sort.
     """
     player = load_player(run)
-    if not isinstance(player.require_predictions(run).world_model, RuleBased):
+    world_model = player.require_predictions(run).world_model
+    found = tree_rules_of(player, most=most) if trees else rules_of(player, most=most)
+    if not found and (trees or not isinstance(world_model, RuleBased)):
         raise UsageError(
             f"{run} predicts by '{player.config.planning.world_model}', which has no rules to read; "
-            "ask a run that was trained with --planning.world-model trees or lifted"
+            "ask a run that was trained with --planning.world-model trees"
         )
-    return rules_of(player, most=most)
+    return found
 
 
 def rules_of(player: Player, *, most: int = MOST) -> list[Rule]:
-    """Return the rules of a player with a map; none where its world model has none, or has learned nothing."""
+    """Return the rules for people: about concepts where things are followed, else those of the trees."""
+    if player.planning is None:
+        return []
+    return player.planning.concept_rules.rules(player.action_names, most=most) or tree_rules_of(player, most=most)
+
+
+def tree_rules_of(player: Player, *, most: int = MOST) -> list[Rule]:
+    """Return the rules by which a player with a map predicts; none where it has no trees, or has learned nothing."""
     world = player.planning.world_model if player.planning else None
     if not (world and world.is_fitted and isinstance(world, RuleBased)):
         return []

@@ -21,7 +21,7 @@ from semrl.planning.long_term import LongTermConfig, plan_routes
 from semrl.planning.protocol import Knowledge, Planner, coordinates
 from semrl.planning.scenario_planner import ScenarioPlannerConfig
 from semrl.planning.state_map import StateMap, StateMapConfig
-from semrl.world_model import WORLD_MODELS, EpisodeRecord, LiftedConfig, ModelPairConfig, TreesConfig
+from semrl.world_model import WORLD_MODELS, ConceptRules, EpisodeRecord, LiftedConfig, ModelPairConfig, TreesConfig
 from semrl.world_model.protocol import ConceptBased, Screening
 
 PLANNERS: Registry[Planner] = Registry("planners", {"scenarios": "semrl.planning.scenario_planner:ScenarioPlanner"})
@@ -119,6 +119,8 @@ class PlanningModule:
         Between which bounds the facts lay.
     concepts
         What the things of the world are, learned from each episode where things are followed.
+    concept_rules
+        What turns things, brings rewards and follows actions, read from the newest play for people.
     """
 
     def __init__(
@@ -155,6 +157,7 @@ class PlanningModule:
         self.concepts = Concepts(config.concepts)
         if isinstance(self.world_model, ConceptBased):
             self.world_model.share(self.concepts)
+        self.concept_rules = ConceptRules(self.concepts)
         self._episode = EpisodeRecord(dimension)
         self._proposed = np.zeros(0, np.int64)
         self._keeper = PlanKeeper(config.keeping, discount=config.discount)
@@ -263,6 +266,7 @@ class PlanningModule:
         began = time.perf_counter()
         if any(len(seen) for seen in trajectory.things):
             self.concepts.partial_fit(trajectory.things)
+        self.concept_rules.partial_fit(trajectory)
         self.state_map.partial_fit(self.on_map(trajectory))
         self.extent.partial_fit(trajectory.states)
         mapped = time.perf_counter()
@@ -293,6 +297,7 @@ class PlanningModule:
             episode=self._episode.to_arrays(),
             concepts=self.concepts.to_arrays(),
             extent=self.extent.to_arrays(),
+            concept_rules=self.concept_rules.to_arrays(),
         )
         return parts | nest(kept=self._keeper.to_arrays()) | {"proposed": self._proposed}
 
@@ -303,12 +308,15 @@ class PlanningModule:
             world_model=self.world_model.inference_arrays(),
             concepts=self.concepts.to_arrays(),
             extent=self.extent.to_arrays(),
+            concept_rules=self.concept_rules.inference_arrays(),
         )
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Go on exactly where `to_arrays` was called; of the part for inference, plan as it did there."""
         if concepts := unnest(arrays, "concepts"):  # older checkpoints have none
             self.concepts.from_arrays(concepts)
+        if rules := unnest(arrays, "concept_rules"):
+            self.concept_rules.from_arrays(rules)
         self.state_map.from_arrays(unnest(arrays, "state_map"))
         if extent := unnest(arrays, "extent"):
             self.extent.from_arrays(extent)

@@ -89,6 +89,7 @@ def _run(record: RunRecord, colour: str, defaults: Mapping[str, Any]) -> dict[st
         "sees": wording.SEES.get(notes.get("encoder", ""), ""),
         "samples": scenes.samples(record.gallery),
         "kinds": scenes.kinds(record.gallery),
+        "concepts": scenes.concepts(record.gallery),
         "learned": _learned(record),
         "predictions": _predictions(record),
         "has_map": any(row.get("map_nodes") for row in record.rows),

@@ -41,6 +41,16 @@ class Kind:
     log_share: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class Concept:
+    """A concept, or the reward: what moves it, the centres of its kinds as pictures, and the rules about it."""
+
+    name: str
+    moved: str
+    pictures: tuple[str, ...]
+    rules: list[str]
+
+
 def meta(gallery: Arrays) -> dict[str, Any]:
     """Return the gallery's notes: encoder, seed, decisions; empty without gallery."""
     return dict(array_to_json(gallery["meta"])) if "meta" in gallery else {}
@@ -88,6 +98,23 @@ def kinds(gallery: Arrays) -> list[Kind]:
         )
         for i in order.tolist()
     ]
+
+
+def concepts(gallery: Arrays) -> list[Concept]:
+    """Return what rules were learned about: the reward, and the concepts with pictures of their kinds; or nothing."""
+    notes = meta(gallery)
+    rules: dict[str, list[str]] = {}
+    for rule in notes.get("rules", ()):
+        rules.setdefault(rule["about"], []).append(rule["says"])
+    pictures = {kind.number: kind.picture for kind in kinds(gallery)}
+    known = {one["name"]: one for one in notes.get("concepts", ())}
+    shown: dict[str, Concept] = {}
+    for about, said in rules.items():
+        name = about.rsplit(" ", 1)[0] if about.rsplit(" ", 1)[0] in known else about
+        one = known.get(name, {"moved": "", "kinds": ()})
+        drawn = tuple(pictures[number] for number in one["kinds"] if number in pictures)
+        shown.setdefault(name, Concept(name=name, moved=one["moved"], pictures=drawn, rules=[])).rules.extend(said)
+    return list(shown.values())
 
 
 def palette(gallery: Arrays) -> Palette:

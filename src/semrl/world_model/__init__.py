@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from semrl.world_model.config import ModelPairConfig, NextStateConfig, RewardConfig
     from semrl.world_model.experience import EpisodeRecord, Experience
     from semrl.world_model.lifted import LiftedConfig, LiftedWorld
+    from semrl.world_model.lifted.concept_rules import ConceptRules
     from semrl.world_model.model_pair import ModelPair, roll_forward
     from semrl.world_model.next_state import NextStateNetwork
     from semrl.world_model.protocol import WorldModel
@@ -25,6 +26,7 @@ WORLD_MODELS: "Registry[WorldModel]" = Registry(
 )
 
 _HOME = {
+    "ConceptRules": "semrl.world_model.lifted.concept_rules",
     "EpisodeRecord": "semrl.world_model.experience",
     "Experience": "semrl.world_model.experience",
     "LiftedConfig": "semrl.world_model.lifted.config",
@@ -45,6 +47,7 @@ _HOME = {
 
 __all__ = [
     "WORLD_MODELS",
+    "ConceptRules",
     "EpisodeRecord",
     "Experience",
     "LiftedConfig",

@@ -8,7 +8,6 @@ from semrl.core import History, Trajectory
 from semrl.core.arrays import digest
 from semrl.core.errors import UsageError
 from semrl.world_model import LiftedConfig, LiftedWorld
-from semrl.world_model.rules import sentence
 
 CONFIG = LiftedConfig(members=2, screening=0, first_decisions=200)
 HORIZON = 15
@@ -130,38 +129,6 @@ def test_old_play_is_forgotten_whole_episodes_at_a_time():
         world.partial_fit(trajectory_of(*rally(200, seed)))
     assert len(world.play) == 400 and world.play.sizes.sum() == len(world.play.things)
     assert (world.play.actions == -1).sum() == 2
-
-
-def test_the_first_dozen_rules_tell_the_laws(world):
-    """Walls and paddle turn the ball, a miss costs, actions push the paddle; each with how often that was so."""
-    found = world.rules([], ["UP", "DOWN"])[:12]
-    told = [f"{rule.about}: {sentence(rule)}" for rule in found]
-
-    def first(*parts):
-        (place,) = [i for i, line in enumerate(told) if all(part in line for part in parts)][:1] or [-1]
-        assert place >= 0, (parts, told)
-        return found[place]
-
-    for rule in (
-        first("vy := −vy", "beyond its top edge next"),
-        first("vy := −vy", "beyond its bottom edge next"),
-        first("vx := −vx", "touches own"),
-        first("the reward", "-1 by object", "beyond its right edge"),
-    ):
-        assert 5 <= rule.right <= rule.decisions and rule.right >= 0.4 * rule.decisions
-    up, down = first("own", "vy is -3 px, up", "the action is UP"), first("own", "vy is +3 px, down", "action is DOWN")
-    assert up.right > 0.8 * up.decisions and down.right > 0.8 * down.decisions
-    rare = first("vy := −vy otherwise")
-    assert rare.right < 0.1 * rare.decisions
-
-
-def test_rules_are_read_from_what_was_saved_for_play_alone(world):
-    player = LiftedWorld(CONFIG, 6, seed=1, discount=0.95)
-    player.from_arrays(world.inference_arrays())
-    assert player.rules([], ["UP", "DOWN"]) == world.rules([], ["UP", "DOWN"])
-    assert len(world.rules([], ["UP", "DOWN"], most=1)) < len(world.rules([], ["UP", "DOWN"]))
-    with pytest.raises(UsageError, match="at least one"):
-        world.rules([], [], most=0)
 
 
 def test_an_episode_without_things_is_refused():

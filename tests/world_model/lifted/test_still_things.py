@@ -51,11 +51,3 @@ def test_without_them_it_could_not_know(seeing):
     _, right, told = told_rewards(seeing, list)
     _, blind_right, blind_told = told_rewards(learned(blind), blind)
     assert right > blind_right and right / told > blind_right / max(blind_told, 1)
-
-
-def test_rules_name_what_is_touched(seeing):
-    rule, otherwise = [rule for rule in seeing.rules([], ["NOOP"]) if rule.about == "the reward"]
-    (brick,) = np.unique(seeing.concepts.families_[seeing.concepts.is_lost_])
-    name = seeing.concepts.table_.names[brick]
-    assert any("touches" in said and name in said for said in rule.conditions)
-    assert rule.right / rule.decisions > 10 * otherwise.right / otherwise.decisions

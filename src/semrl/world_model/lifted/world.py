@@ -1,33 +1,23 @@
 """A model of the world in concepts, learned while the game goes on (§3.4.3): any number of things."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
-from itertools import groupby, islice
+from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semrl.concepts import Concepts, SceneBuilder
-from semrl.concepts.scenes import CONCEPT, HEIGHT, PLACE, WIDTH, X, Y
+from semrl.concepts.scenes import CONCEPT, PLACE, WIDTH, X
 from semrl.core import Floats, History, Ints, Scenarios, Trajectory
-from semrl.core.arrays import Arrays, array_to_json, json_to_array, nest, unnest
+from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.errors import UsageError
 from semrl.core.named import IMAGE_SIZE_PX
 from semrl.core.things import SLOT_NUMBERS
 from semrl.world_model.ensemble import GrownEnsemble
 from semrl.world_model.lifted.config import LiftedConfig
-from semrl.world_model.lifted.decision_lists import About, joined_lists, read_lists
 from semrl.world_model.lifted.features import PAST_ACTIONS, Kinds
 from semrl.world_model.lifted.growing import Member, Seen, find_reward_concept, grow_member
 from semrl.world_model.lifted.play import Play
+from semrl.world_model.lifted.relations import relations_of
 from semrl.world_model.lifted.rolling import Trees, roll
-from semrl.world_model.rules import Rule
-
-_BORDER_PX = 1.0
-"""What reaches no farther in among the things that move is a border."""
-
-_STRAYS = 0.05
-"""Share of the places of what moves beyond each border: some are mistakes."""
 
 
 class LiftedWorld(GrownEnsemble[Play]):
@@ -82,7 +72,6 @@ class LiftedWorld(GrownEnsemble[Play]):
         self.kinds_ = Kinds(np.zeros(0, np.int64), np.zeros(0, np.bool_), np.zeros(0, np.bool_))
         self.families_: Ints = np.zeros(0, np.int64)
         self.reward_concept_ = -1
-        self._saved_lists: list[Rule] = []
         self._members: list[Member] = []
         self._trees: list[Trees] = []
 
@@ -126,52 +115,6 @@ class LiftedWorld(GrownEnsemble[Play]):
         imagined = self._imagined(roll_some, sequences)
         return imagined.scenarios(self._as_facts(history.states[0], objects, imagined.predicted))
 
-    def rules(
-        self, names: Sequence[str], actions: Sequence[str], *, most: int = 8, unit: float | None = None
-    ) -> list[Rule]:
-        """Say what was learned of each concept: what turns, what brings rewards, what actions do; so many rules each.
-
-        Parameters
-        ----------
-        names, unit
-            Not needed: things are named by their concepts, and measured in pixels.
-        actions
-            Names of the actions.
-        most
-            Rules for each velocity, and for the reward.
-
-        Raises
-        ------
-        UsageError
-            When less than one rule is asked for.
-        """
-        del names, unit
-        if most < 1:
-            raise UsageError(f"at least one rule must be asked for, not {most}")
-        found: list[Rule] = []
-        for about, group in groupby(self._lists(), key=lambda rule: rule.about):
-            found += [_with_names(rule, about, actions) for rule in islice(group, most)]
-        return found
-
-    def _lists(self) -> list[Rule]:
-        """Return the rules as they follow from what is remembered; of trees alone, as they were saved."""
-        if not len(self.play) or not self.is_fitted:
-            return self._saved_lists
-        table, alike = self.concepts.table_, self.concepts.families_
-        objects = self.play.objects(self.concepts)
-        kinds, numbers = self._relations(objects)  # there may be more concepts than when the trees were grown
-        families = [
-            " or ".join(table.names[k] for k in np.flatnonzero((kinds.relation_of >= 0) & (alike == alike[number])))
-            for number in numbers
-        ]
-        counts = np.bincount(objects[objects[:, CONCEPT] >= 0, CONCEPT].astype(np.int64), minlength=len(table))
-        lists = []
-        for number in sorted(np.flatnonzero(kinds.moving).tolist(), key=lambda c: -counts[c]):
-            seen = self.play.rows(objects, number, kinds, self.discount)
-            about = About(table.names[number], families, bool(kinds.controlled[number]))
-            lists.append(read_lists(*seen, about, int(self.play.actions.max(initial=-1)) + 1))
-        return joined_lists(lists)
-
     def to_arrays(self) -> Arrays:
         """Return trees and memory."""
         return self.inference_arrays() | nest(play=self.play.to_arrays())
@@ -181,7 +124,6 @@ class LiftedWorld(GrownEnsemble[Play]):
         own = {
             "counts": np.array([self.seen_, self.reward_concept_, *self.grown_]),
             "families": self.families_,
-            "rules": json_to_array([asdict(rule) for rule in self._lists()]),
             **nest(kinds=self.kinds_._asdict()),
         }
         parts = {str(i): member.to_arrays() for i, member in enumerate(self._members)}
@@ -196,9 +138,6 @@ class LiftedWorld(GrownEnsemble[Play]):
             self.concepts.from_arrays(concepts)
         self.seen_, self.reward_concept_ = (int(number) for number in arrays["counts"][:2])
         self.grown_ = arrays["counts"][2:].copy()
-        self._saved_lists = [
-            Rule(**each | {"conditions": tuple(each["conditions"])}) for each in array_to_json(arrays["rules"])
-        ]
         self.families_, self.kinds_ = arrays["families"], Kinds(**unnest(arrays, "kinds"))
         parts = [unnest(arrays, str(i)) for i in range(self.config.members)]
         self._members = [Member.from_arrays(part) for part in parts if part]
@@ -207,27 +146,11 @@ class LiftedWorld(GrownEnsemble[Play]):
     def training_set(self, play: Play) -> dict[int, Seen]:
         """Return what was seen of each concept that moves; it decides which families things are related to."""
         objects = play.objects(self.concepts)
-        self.kinds_, self.families_ = self._relations(objects)
+        self.kinds_, self.families_ = relations_of(self.concepts, objects, self.config.relations)
         return {
             int(concept): play.rows(objects, int(concept), self.kinds_, self.discount)
             for concept in np.flatnonzero(self.kinds_.moving)
         }
-
-    def _relations(self, objects: Floats) -> tuple[Kinds, Ints]:
-        """Choose the families that things are related to: the commonest that move, and ground that matters."""
-        c = self.concepts
-        used = np.array([bool(kinds) for kinds in c.table_.kinds], np.bool_)
-        moving = used & ~c.static_
-        counts = np.bincount(objects[objects[:, CONCEPT] >= 0, CONCEPT].astype(np.int64), minlength=len(c))
-        totals = np.zeros(len(c), np.int64)
-        np.add.at(totals, c.families_[moving], counts[moving])
-        order = np.argsort(-totals, kind="stable")[: self.config.relations]
-        matters = used & (c.is_lost_ | (c.blocks_ & _are_inside(objects, moving)))
-        families = np.concatenate([order[totals[order] > 0], np.unique(c.families_[matters])]).astype(np.int64)
-        relation_of = np.full(len(c), -1, np.int64)
-        for relation, family in enumerate(families):
-            relation_of[(moving | matters) & (c.families_ == family)] = relation
-        return Kinds(relation_of, moving, c.controlled_ & moving), families
 
     def _relevant(self, objects: Floats) -> Floats:
         """Return the objects that are predicted, or that others are related to."""
@@ -277,36 +200,11 @@ class LiftedWorld(GrownEnsemble[Play]):
         self._trees = [(member.nodes, member.roots[None]) for member in self._members]
 
 
-def _are_inside(objects: Floats, moving: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Tell of which concepts there are things among those that move, ``(c,)``: where borders are, each knows itself."""
-    known = objects[objects[:, CONCEPT] >= 0]
-    concepts = known[:, CONCEPT].astype(np.int64)
-    middles, halves = known[:, X : Y + 1], known[:, WIDTH : HEIGHT + 1] / 2
-    inside = np.zeros(len(moving), np.bool_)
-    for number in np.flatnonzero(moving):
-        own = concepts == number
-        if not own.any():
-            continue
-        low, high = np.quantile(middles[own], (_STRAYS, 1 - _STRAYS), axis=0)
-        overlaps = (np.minimum(middles + halves, high) - np.maximum(middles - halves, low)).min(axis=1)
-        inside[concepts[overlaps > _BORDER_PX]] = True
-    return inside
-
-
 def _shown(middle: Floats, size: float, limits: tuple[float, float]) -> Floats:
     """Return the middle of what is seen of intervals between the limits, as places of pixels."""
     low, high = np.maximum(middle - size / 2, limits[0]), np.minimum(middle + size / 2, limits[1])
     places: Floats = np.where(high - low > 0.25 * size, (low + high) / 2, middle) - np.float32(0.5)
     return places
-
-
-def _with_names(rule: Rule, about: str, actions: Sequence[str]) -> Rule:
-    """Return a rule with the names of actions in place of their numbers."""
-    said = tuple(
-        f"{before}{actions[int(number)] if number and int(number) < len(actions) else number}"
-        for before, _, number in (condition.partition("#") for condition in rule.conditions)
-    )
-    return replace(rule, about=about, conditions=said)
 
 
 def _some(seen: Seen, most: int, rng: np.random.Generator) -> Seen:

@@ -1,0 +1,90 @@
+"""What was seen of things is read as rules of few literals, each with how often it held."""
+
+import numpy as np
+import pytest
+from bricks import bricks
+from rallies import rally, trajectory_of
+
+from semrl.concepts import Concepts
+from semrl.core import Trajectory
+from semrl.core.errors import UsageError
+from semrl.world_model import ConceptRules
+from semrl.world_model.rules import sentence
+
+
+def read(episodes):
+    concepts = Concepts()
+    rules = ConceptRules(concepts)
+    for trajectory in episodes:
+        concepts.partial_fit(trajectory.things)
+        rules.partial_fit(trajectory)
+    return rules
+
+
+@pytest.fixture(scope="module")
+def rallies():
+    """Read from three thousand decisions."""
+    return read(trajectory_of(*rally(1000, seed)) for seed in range(3))
+
+
+def test_the_first_dozen_rules_tell_the_laws(rallies):
+    """Walls and paddle turn the ball, a miss costs, actions push the paddle; each with how often that was so."""
+    found = rallies.rules(["UP", "DOWN"])[:12]
+    told = [f"{rule.about}: {sentence(rule)}" for rule in found]
+
+    def first(*parts):
+        (place,) = [i for i, line in enumerate(told) if all(part in line for part in parts)][:1] or [-1]
+        assert place >= 0, (parts, told)
+        return found[place]
+
+    for rule in (
+        first("vy := −vy", "beyond its top edge next"),
+        first("vy := −vy", "beyond its bottom edge next"),
+        first("vx := −vx", "touches own"),
+        first("the reward", "-1 by object", "beyond its right edge"),
+    ):
+        assert 5 <= rule.right <= rule.decisions and rule.right >= 0.4 * rule.decisions
+    up, down = first("own", "vy is -3 px, up", "the action is UP"), first("own", "vy is +3 px, down", "action is DOWN")
+    assert up.right > 0.8 * up.decisions and down.right > 0.8 * down.decisions
+    rare = first("vy := −vy otherwise")
+    assert rare.right < 0.1 * rare.decisions
+
+
+def test_rules_name_what_is_touched():
+    rules = read(trajectory_of(*bricks(600, seed)) for seed in range(3))
+    rule, otherwise = [rule for rule in rules.rules(["NOOP"]) if rule.about == "the reward"]
+    (brick,) = np.unique(rules.concepts.families_[rules.concepts.is_lost_])
+    name = rules.concepts.table_.names[brick]
+    assert any("touches" in said and name in said for said in rule.conditions)
+    assert rule.right / rule.decisions > 10 * otherwise.right / otherwise.decisions
+
+
+def test_what_is_saved_for_play_alone_has_the_rules(rallies):
+    names = ["UP", "DOWN"]
+    alone = ConceptRules(rallies.concepts)
+    alone.from_arrays(rallies.inference_arrays())
+    assert alone.rules(names) == rallies.rules(names) and not len(alone.play)
+
+
+def test_a_reader_goes_on_where_it_was_saved(rallies):
+    again = ConceptRules(rallies.concepts)
+    again.from_arrays(rallies.to_arrays())
+    more = trajectory_of(*rally(300, 9))
+    again.partial_fit(more)
+    longer = read(trajectory_of(*rally(n, seed)) for seed, n in ((0, 1000), (1, 1000), (2, 1000), (9, 300)))
+    assert again.rules(["UP", "DOWN"]) == longer.rules(["UP", "DOWN"]) != rallies.rules(["UP", "DOWN"])
+
+
+def test_fewer_rules_may_be_asked_for(rallies):
+    names = ["UP", "DOWN"]
+    assert len(rallies.rules(names, most=1)) < len(rallies.rules(names))
+    with pytest.raises(UsageError, match="at least one"):
+        rallies.rules(names, most=0)
+
+
+def test_without_things_there_are_no_rules():
+    rules = ConceptRules(Concepts())
+    rules.partial_fit(
+        Trajectory(states=np.zeros((3, 6), np.float32), actions=np.zeros(2, np.int64), rewards=np.zeros(2, np.float32))
+    )
+    assert rules.rules(["UP"]) == [] and ConceptRules(Concepts()).rules([]) == []
