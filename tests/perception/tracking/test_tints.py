@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from semrl.concepts import Concepts
 from semrl.core import Objects
 from semrl.core.things import KIND
 from semrl.perception.tracking import SlotAssigner, SlotAssignerConfig, TrackingConfig, follow, no_tracks
@@ -37,6 +38,17 @@ def test_classes_of_one_colour_each_stay_as_they_are(objects):
 def test_what_is_seen_seldom_in_a_colour_is_of_the_class():
     tints = learned((0, WHITE), (0, GREEN), times=LEAST_SEEN - 1)
     assert kinds(tints, (0, WHITE), (0, GREEN), (0, BLUE)) == [0, 0, 0]
+
+
+def test_a_class_in_a_colour_in_which_it_was_hardly_seen_goes_by_the_colour():
+    """Two players change their posture; in two of the postures only one of them was seen often."""
+    tints = learned((0, GREEN), (0, BROWN), (1, GREEN), (2, GREEN), (2, GREEN), (3, BROWN))
+    tints.learn(np.array([1]), np.array([BROWN], np.float32))
+    tints.settle()
+    assert kinds(tints, (0, GREEN), (1, GREEN), (2, GREEN), (3, BROWN), (0, BROWN)) == [0, 1, 2, 3, 4]
+    green, brown, also_brown = kinds(tints, (3, GREEN), (1, BROWN), (2, BROWN))
+    assert brown == also_brown and {green, brown} == {5, 6}
+    assert kinds(tints, (1, BLUE), (1, WHITE)) == [1, 1]  # of which nothing is known
 
 
 @pytest.mark.parametrize(("step", "apart"), [(ALIKE - 4, False), (ALIKE + 4, True)])
@@ -106,3 +118,16 @@ def test_things_are_told_apart_by_colour_and_roles_are_what_they_were():
     assert slots.things(tracks)[:, KIND].tolist() == [0, 1]
     assert plain.things(grey)[:, KIND].tolist() == [0, 0]
     assert tracks.colours.tolist() == [GREEN, BROWN]
+
+
+def test_two_that_change_their_posture_are_two_concepts_though_one_was_seen_late_in_some():
+    """While kinds are learned, brown never bends down; later both do, and stand up again."""
+    tints, concepts = learned((0, GREEN), (0, BROWN), (1, GREEN)), Concepts()
+    colours = np.array([GREEN, BROWN], np.float32)
+    play = []
+    for t in range(400):
+        number = tints.kinds(np.array([t // 3 % 2, t // 4 % 2]), colours)
+        play.append(np.array([[i, number[i], 0, 0, -1, 10, 40 * i + t % 30, 14, 40 * i + t % 30 + 8] for i in (0, 1)]))
+    table = concepts.partial_fit(play).table_
+    assert {frozenset(each) for each in table.kinds} == {frozenset(kinds(tints, (0, c), (1, c))) for c in colours}
+    assert len(table) == 2

@@ -14,15 +14,17 @@ MOST_TINTS = 32
 """What has other colours than the first so many is of the kind of its class alone."""
 
 LEAST_SEEN = 20
-"""Objects of a class in another colour than most, to be a kind of their own."""
+"""Objects in a colour, for it to say more than the class; and objects of a class in it, to be a kind of their own."""
 
 
 class Tints(Saved):
     """In which colours the objects of each class are seen.
 
     What a class mostly looks like keeps its number. Each other colour that some of its objects have makes these a
-    kind of their own, with a number behind those of the classes. That one thing may change its colour is told by
-    who follows it: see `semrl.concepts`.
+    kind of their own, with a number behind those of the classes. What has another colour too seldom for that is of a
+    kind of that colour, whatever its class, if the colour is common: else a posture in which one of two players was
+    hardly seen would be of the other's kind. That one thing may change its colour is told by who follows it: see
+    `semrl.concepts`.
 
     Attributes
     ----------
@@ -50,14 +52,15 @@ class Tints(Saved):
         np.add.at(self._seen, (classes[known], tints[known]), 1)
 
     def settle(self) -> None:
-        """Number the kinds."""
-        classes = np.arange(len(self._seen))
-        apart = self._seen >= LEAST_SEEN
-        if len(self._colours):
-            apart[classes, self._seen.argmax(axis=1)] = False
-        numbers = np.repeat(classes[:, None], len(self._colours) + 1, axis=1)
-        numbers[:, :-1][apart] = len(classes) + np.arange(apart.sum())
-        self.numbers_ = numbers
+        """Number the kinds: first the classes, then classes in other colours than most, then colours."""
+        seen = np.pad(self._seen, ((0, 0), (0, 1)))  # at last in a colour that is not known
+        classes, colours = np.indices(seen.shape)
+        other = colours != seen.argmax(axis=1)[:, None]
+        common = seen.sum(axis=0) >= LEAST_SEEN
+        numbers = np.where(other & common, len(seen) + seen.size + colours, classes)
+        apart = other & (seen >= LEAST_SEEN)
+        numbers[apart] = len(seen) + np.arange(apart.sum())
+        self.numbers_ = np.unique(numbers, return_inverse=True)[1].reshape(seen.shape)
 
     def kinds(self, classes: Ints, colours: Floats) -> Ints:
         """Return the kind of each object, ``(n,)`` int64: until it is settled, its class.
