@@ -28,6 +28,24 @@ def test_two_of_one_kind_that_cross_keep_their_identities():
     assert at(first, (40, 20)) == at(last, (40, 64)) and at(first, (41, 62)) == at(last, (41, 18))
 
 
+RED, BLUE, GREEN = [240, 128, 128], [117, 128, 240], [92, 186, 92]
+
+
+def test_two_that_change_ends_at_once_keep_their_identities():
+    frames = [[(0, 16, 20 + t), (0, 66, 50 - t)] for t in range(8)]
+    colours = [[RED, BLUE]] * 4 + [[BLUE, RED]] * 4
+    for t, tracks in enumerate(followed(frames, colours=colours)):
+        ends = (66, 50 - t), (16, 20 + t)
+        assert at(tracks, ends[t < 4]) == 0 and at(tracks, ends[t >= 4]) == 1
+
+
+@pytest.mark.parametrize("after", [[BLUE, BLUE], [GREEN, RED], [BLUE, GREEN]])
+def test_what_changes_its_colour_alone_stays_what_it_is(after):
+    frames = [[(0, 16, 20 + t), (0, 66, 50 - t)] for t in range(8)]
+    for t, tracks in enumerate(followed(frames, colours=[[RED, BLUE]] * 4 + [after] * 4)):
+        assert at(tracks, (16, 20 + t)) == 0 and at(tracks, (66, 50 - t)) == 1
+
+
 def test_a_bounce_is_the_same_object():
     frames = [[(0, 40, 10 + 9 * t)] for t in range(6)] + [[(0, 40, 55 - 9 * t)] for t in range(1, 6)]
     for tracks in followed(frames):

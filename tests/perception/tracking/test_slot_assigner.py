@@ -57,6 +57,34 @@ def slot_of(roles, column):
     return int(np.abs(means[:, 1] - column).argmin())
 
 
+RED, BLUE = [240, 128, 128], [117, 128, 240]
+
+
+def test_two_of_one_class_that_begin_at_either_end_have_their_slots_by_colour():
+    """Whoever is above in one episode is below in the next."""
+    roles = SlotAssigner(SlotAssignerConfig(frames=120))
+    slots = []
+    for episode in range(30):
+        tracks = no_tracks(N_CLASSES)
+        colours = [[RED, BLUE], [BLUE, RED]][episode % 2]
+        for t in range(20):
+            seen = [(0, 15, 20 + 2 * t), (0, 65, 60 - 2 * t)]
+            (tracks,) = followed([seen], tracks=tracks, colours=[colours])
+            roles.partial_fit(tracks, None if t == 0 else 0)
+            tracks = replace(tracks, roles=roles.predict(tracks))
+        if roles.is_fitted:
+            slots.append([int(tracks.roles[(tracks.colours == colour).all(axis=1)][0]) for colour in (RED, BLUE)])
+    assert len(slots) >= 20 and set(slots[0]) == {0, 1} == set(roles.slots_) and slots == [slots[0]] * len(slots)
+
+
+def test_roles_of_older_runs_know_no_colours(learned):
+    arrays = {name: array for name, array in learned.to_arrays().items() if name != "statistics/tints"}
+    older = SlotAssigner(learned.config)
+    older.from_arrays(arrays)
+    for known, tracks in zip(played(older, seed=1), played(learned, seed=1), strict=True):
+        assert known.roles.tolist() == tracks.roles.tolist()
+
+
 def test_what_moves_has_a_slot_and_what_stands_still_has_none(learned):
     assert learned.is_fitted and len(learned.slots_) == 3
     kinds = learned.kinds_[learned.slots_]
@@ -170,7 +198,7 @@ def test_what_is_merged_is_as_if_counted_together():
     places = rng.uniform(10, 70, (60, 2))
     apart, together = (_counted(places, roles) for roles in (np.arange(60) % 3 == 0, np.zeros(60)))
     apart.merge(0, 1)
-    for name in ("classes", "means", "deviations", "moves", "together"):
+    for name in ("classes", "tints", "means", "deviations", "moves", "together"):
         np.testing.assert_allclose(getattr(apart, name)[0], getattr(together, name)[0], rtol=1e-4, err_msg=name)
     assert apart.seen[1] == 0 and (apart.moves[1] == 0).all() and not apart.together[:, 1].any()
 
@@ -182,7 +210,7 @@ def test_roles_take_turns_that_are_hardly_ever_seen_at_once():
     for t in range(100):
         roles = np.array([t % 2, 2]) if t else np.arange(3)  # the first two once, for a moment, together
         (tracks,) = followed([[(0, 10.0 * role, 10.0) for role in range(len(roles))]])
-        habits.count(tracks, np.arange(len(roles)), roles, moved=np.zeros(len(roles), bool))
+        habits.count(tracks, np.zeros(len(roles), int), np.arange(len(roles)), roles, moved=np.zeros(len(roles), bool))
     assert habits.take_turns(0, 1) and habits.take_turns(1, 0) and not habits.take_turns(0, 2)
 
 
@@ -191,7 +219,8 @@ def _counted(places, roles):
     habits.found(), habits.found()
     for i, (place, role) in enumerate(zip(places, roles, strict=True)):
         (tracks,) = followed([[(i % 3, *place)]])
-        habits.count(tracks, np.array([0]), np.array([int(role)]), moved=np.array([i % 2 == 0]))
+        moved = np.array([i % 2 == 0])
+        habits.count(tracks, np.array([i // 3 % 2]), np.array([0]), np.array([int(role)]), moved=moved)
     return habits
 
 

@@ -9,7 +9,7 @@ from scipy.optimize import linear_sum_assignment
 from semrl.core import IMAGE_SIZE_PX, Floats, Ints, Objects, Tracks
 from semrl.core.arrays import Arrays
 from semrl.core.errors import UsageError
-from semrl.perception.tracking.following_kernels import NO_MATCH, Seen, State, match_costs, move_on
+from semrl.perception.tracking.following_kernels import NO_MATCH, Seen, State, exchange_partners, match_costs, move_on
 
 MOVED_PX = 0.2
 """What went farther than this in one decision has moved; a pixel of an Atari frame is 0.4 px high and 0.5 px wide."""
@@ -55,7 +55,7 @@ def follow(
     Bewley et al., "Simple online and realtime tracking", ICIP 2016): the squared distance to where the track is
     expected, in gates, plus what another class and another appearance cost. A track without an object goes on as
     it went, unseen, for a while; an object without a track begins one. Where things jump, what is left over is
-    matched once more, within reach of a jump.
+    matched once more, within reach of a jump. Two tracks that would exchange their colours exchange their objects.
 
     Parameters
     ----------
@@ -82,6 +82,7 @@ def follow(
         left, free = np.flatnonzero(partners < 0), np.setdiff1d(np.arange(len(classes)), partners)
         found = _matched(costs[np.ix_(left, free)])
         partners[left[found >= 0]] = free[found[found >= 0]]
+    exchange_partners(partners, before, seen)
     after = move_on(before, seen, partners, int(tracks.born), config.unseen_decisions, MOVED_PX, IMAGE_SIZE_PX - 1)
     born = max(int(tracks.born), int(after.ids[-1]) + 1) if len(after.ids) else int(tracks.born)
     return Tracks(**after._asdict(), born=np.array(born))

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from semrl.core import Floats, Ints
 from semrl.core.kernels import compiled
+from semrl.perception.tracking.tints import ALIKE
 
 NO_MATCH = 1e6
 """What it costs to take an object for a track that it cannot be."""
@@ -66,6 +67,34 @@ def match_costs(
             if distance > gate_px:
                 costs[i, j] = NO_MATCH
     return costs
+
+
+@compiled
+def exchange_partners(partners: Ints, tracks: State, seen: Seen) -> None:
+    """Give two tracks each other's object, in place, where each object has the colour of the other track alone.
+
+    Things that exchange their places in one decision, as players that change ends, would else exchange their colours.
+    """
+    for i in range(len(partners)):
+        p = partners[i]
+        if p < 0 or _alike(tracks.colours[i], seen.colours[p]):
+            continue
+        for j in range(len(partners)):
+            q = partners[j]
+            if q < 0 or not _alike(tracks.colours[i], seen.colours[q]):
+                continue
+            if _alike(tracks.colours[j], seen.colours[p]) and not _alike(tracks.colours[j], seen.colours[q]):
+                partners[i], partners[j] = q, p
+                break
+
+
+@compiled
+def _alike(one: Floats, other: Floats) -> bool:
+    """Tell whether two colours are one."""
+    most = 0.0
+    for channel in range(3):
+        most = max(most, abs(one[channel] - other[channel]))
+    return most <= ALIKE
 
 
 @compiled

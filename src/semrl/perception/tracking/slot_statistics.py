@@ -1,4 +1,4 @@
-"""What is known of each role: the classes seen in it, where it stays, how often it moves, beside whom it is seen."""
+"""What is known of each role: how it looks, where it stays, how often it moves, beside whom it is seen."""
 
 from typing import NamedTuple
 
@@ -40,6 +40,8 @@ class Known(NamedTuple):
     """``(k,)`` int64, their numbers."""
     surprises: NDArray[np.float64]
     """``(k, c + 1)``, minus the logarithm of the share of each class, the last for all classes never seen."""
+    tint_surprises: NDArray[np.float64]
+    """``(k, t + 1)``, the same of the colours; see `semrl.perception.tracking.tints`."""
     means_px: NDArray[np.float64]
     variances: NDArray[np.float64]
     """``(k, 2)``, of the centres."""
@@ -54,6 +56,8 @@ class SlotStatistics(Saved):
     ----------
     classes
         ``(r, c)`` float64, how often each role was seen as of each class.
+    tints
+        ``(r, t)`` float64, how often in each colour.
     means
         ``(r, 2)`` float64, mean centre, row and column in pixels.
     deviations
@@ -66,10 +70,11 @@ class SlotStatistics(Saved):
         ``(r, 9, 3)`` float64, of each of `HABITS` how often it was measured, and the sums of it and of its squares.
     """
 
-    SAVED = ("classes", "means", "deviations", "moves", "together", "habits")
+    SAVED = ("classes", "tints", "means", "deviations", "moves", "together", "habits")
 
     def __init__(self) -> None:
         self.classes: NDArray[np.float64] = np.zeros((0, 0))
+        self.tints: NDArray[np.float64] = np.zeros((0, 0))
         self.means: NDArray[np.float64] = np.zeros((0, 2))
         self.deviations: NDArray[np.float64] = np.zeros((0, 2))
         self.moves: NDArray[np.float64] = np.zeros((0, 2))
@@ -92,18 +97,20 @@ class SlotStatistics(Saved):
     def found(self) -> None:
         """Make room for one more role."""
         wider = ((0, 1), (0, 0))
-        self.classes, self.means = np.pad(self.classes, wider), np.pad(self.means, wider)
-        self.deviations, self.moves = np.pad(self.deviations, wider), np.pad(self.moves, wider)
+        for name in ("classes", "tints", "means", "deviations", "moves"):
+            setattr(self, name, np.pad(getattr(self, name), wider))
         self.together = np.pad(self.together, ((0, 1), (0, 1)))
         self.habits = np.pad(self.habits, (*wider, (0, 0)))
 
-    def count(self, tracks: Tracks, shown: Ints, roles: Ints, moved: NDArray[np.bool_]) -> None:
+    def count(self, tracks: Tracks, tints: Ints, shown: Ints, roles: Ints, moved: NDArray[np.bool_]) -> None:
         """Count one frame.
 
         Parameters
         ----------
         tracks
             As of now.
+        tints
+            ``(m,)``, the colour of each of all of them.
         shown
             ``(n,)``, places in it of those that are seen and have a role.
         roles
@@ -111,9 +118,8 @@ class SlotStatistics(Saved):
         moved
             ``(n,)``, whether each moved since the frame before.
         """
-        more = int(tracks.classes[shown].max(initial=-1)) + 1 - self.classes.shape[1]
-        self.classes = np.pad(self.classes, ((0, 0), (0, max(more, 0))))
-        self.classes[roles, tracks.classes[shown]] += 1
+        self.classes = _counted(self.classes, roles, tracks.classes[shown])
+        self.tints = _counted(self.tints, roles, tints[shown])
         away = tracks.centres_px[shown] - self.means[roles]  # Welford: from the old mean, then from the new one
         self.means[roles] += away / self.seen[roles, None]
         self.deviations[roles] += away * (tracks.centres_px[shown] - self.means[roles])
@@ -123,8 +129,9 @@ class SlotStatistics(Saved):
         self.habits[roles] += np.stack([np.ones_like(measured), measured, np.square(measured)], axis=2)
 
     def from_arrays(self, arrays: Arrays) -> None:
-        """Take over what was saved; runs that are older than this have no habits."""
-        super().from_arrays({"habits": np.zeros((len(arrays.get("means", ())), len(HABITS), 3)), **arrays})
+        """Take over what was saved; runs that are older than this have no habits, or no colours."""
+        n_roles = len(arrays.get("means", ()))
+        super().from_arrays({"habits": np.zeros((n_roles, len(HABITS), 3)), "tints": np.zeros((n_roles, 0)), **arrays})
 
     def take_turns(self, role: int, other: int) -> bool:
         """Tell whether two roles are hardly ever seen at once."""
@@ -137,7 +144,7 @@ class SlotStatistics(Saved):
         way = self.means[other] - self.means[role]
         self.means[role] += way * more / (seen + more)
         self.deviations[role] += self.deviations[other] + way**2 * seen * more / (seen + more)  # Chan et al. (1979)
-        for counts in (self.classes, self.moves, self.habits, self.together, self.together.T):
+        for counts in (self.classes, self.tints, self.moves, self.habits, self.together, self.together.T):
             counts[role] += counts[other]
             counts[other] = 0
         self.deviations[other] = 0
@@ -145,10 +152,10 @@ class SlotStatistics(Saved):
     def known(self, roles: Ints) -> Known:
         """Return what tracks are measured against, for some roles."""
         seen = self.seen[roles, None]
-        counts = np.pad(self.classes[roles], ((0, 0), (0, 1)))  # (k, c + 1), the last for classes never seen
         return Known(
             roles=roles,
-            surprises=-np.log((counts + 0.1) / (seen + 0.1 * counts.shape[1])),
+            surprises=_surprises(self.classes[roles]),
+            tint_surprises=_surprises(self.tints[roles]),
             means_px=self.means[roles],
             variances=(self.deviations[roles] + _WIDTH_COUNT * _WIDTH_PX**2) / (seen + _WIDTH_COUNT),
             mobilities=(self.moves[roles, 0] + 1) / (self.moves[roles, 1] + 2),
@@ -163,21 +170,37 @@ def habits_of(tracks: Tracks) -> NDArray[np.float64]:
     return np.concatenate(parts, axis=1, dtype=np.float64)
 
 
-def costs(tracks: Tracks, known: Known) -> NDArray[np.float64]:
-    """Return minus the log-likelihood of each track in each of k roles, ``(n, k)``, in nats.
+def _counted(counts: NDArray[np.float64], roles: Ints, looks: Ints) -> NDArray[np.float64]:
+    """Return ``(r, c)`` counts, wider where need be, with one more of a look, ``(n,)``, of each of some roles."""
+    more = int(looks.max(initial=-1)) + 1 - counts.shape[1]
+    counts = np.pad(counts, ((0, 0), (0, max(more, 0))))
+    counts[roles, looks] += 1
+    return counts
+
+
+def _surprises(counts: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return minus the logarithm of the share of each look in each role, ``(k, c + 1)``, the last of all others."""
+    counts = np.pad(counts, ((0, 0), (0, 1)))
+    return np.asarray(-np.log((counts + 0.1) / (counts.sum(axis=1, keepdims=True) + 0.1 * counts.shape[1])))
+
+
+def costs(tracks: Tracks, tints: Ints, known: Known) -> NDArray[np.float64]:
+    """Return minus the log-likelihood of each track, ``(n,)`` colours, in each of k roles, ``(n, k)``, in nats.
 
     `NEVER` stands where a track cannot have a role.
     """
     return _costs(
-        tracks.classes, tracks.centres_px, tracks.moves, tracks.ages, tracks.time_since_update, tracks.roles, known
-    )
+        tracks.classes, tints, tracks.centres_px, tracks.moves, tracks.ages, tracks.time_since_update, tracks.roles,
+        known,
+    )  # fmt: skip
 
 
 @compiled
 def _costs(  # noqa: PLR0917 - compiled functions take no keywords
-    classes: Ints, centres: Floats, moves: Ints, ages: Ints, time_since_update: Ints, held: Ints, known: Known
-) -> NDArray[np.float64]:
-    n_classes = known.surprises.shape[1]
+    classes: Ints, tints: Ints, centres: Floats, moves: Ints, ages: Ints, time_since_update: Ints, held: Ints,
+    known: Known,
+) -> NDArray[np.float64]:  # fmt: skip
+    n_classes, n_tints = known.surprises.shape[1], known.tint_surprises.shape[1]
     result = np.empty((len(classes), len(known.roles)))
     for i in range(result.shape[0]):
         for j in range(result.shape[1]):
@@ -192,6 +215,7 @@ def _costs(  # noqa: PLR0917 - compiled functions take no keywords
                 possible = moves[i] > 0 or ages[i] < STEADY_DECISIONS
             else:
                 looks = unrest + known.surprises[j, min(classes[i], n_classes - 1)]
+                looks += known.tint_surprises[j, min(tints[i], n_tints - 1)]
                 total = strange + looks
                 possible = looks <= _MOST_NEW and (
                     moves[i] >= LEAST_MOVING_SHARE * ages[i] or ages[i] < STEADY_DECISIONS

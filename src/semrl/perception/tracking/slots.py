@@ -53,8 +53,8 @@ class SlotAssigner(Saved):
     """Parts that objects play again and again, and the fixed vector that describes them.
 
     Identities end with an episode, and sooner where an object leaves the image; a role stays. It is known by its
-    habits: the classes that were seen in it, where it stays and how often it moves. A track that has moved and
-    fits no free role founds one. Whoever fits best has the role (all pairs at once, by likelihood; who has it
+    habits: the classes and colours that were seen in it, where it stays and how often it moves. A track that has moved
+    and fits no free role founds one. Whoever fits best has the role (all pairs at once, by likelihood; who has it
     keeps it if in doubt). After `frames` of random play roles of one kind that take turns become one, and the roles
     that move are given slots, ordered by kind, the older first; what stands still gets none. Whether the actions move
     it is measured as well: see `Controllability`.
@@ -140,6 +140,7 @@ class SlotAssigner(Saved):
         if self.is_fitted:
             return self
         self.frames_ += 1
+        self._tints.learn(tracks.classes[tracks.visible], tracks.colours[tracks.visible])
         roles = self.predict(tracks)
         # What stands still has no part in it, or it would spoil the habits of a role that is free for a while.
         steady = (tracks.ages >= STEADY_DECISIONS) & (tracks.moves >= LEAST_MOVING_SHARE * tracks.ages)
@@ -150,10 +151,10 @@ class SlotAssigner(Saved):
                 self._statistics.found()
         shown = np.flatnonzero(candidates & (roles >= 0))
         steps = tracks.velocities_px[shown]
-        self._statistics.count(tracks, shown, roles[shown], moved=np.hypot(*steps.T) > MOVED_PX)
+        tints = self._tints.tints_of(tracks.colours)
+        self._statistics.count(tracks, tints, shown, roles[shown], moved=np.hypot(*steps.T) > MOVED_PX)
         old = tracks.ages[shown] > 0
         self._controllability.learn(action, roles[shown[old]], steps[old])
-        self._tints.learn(tracks.classes[tracks.visible], tracks.colours[tracks.visible])
         if self.is_fitted:
             self._tints.settle()
             self._merge()
@@ -177,7 +178,7 @@ class SlotAssigner(Saved):
 
     def costs(self, tracks: Tracks) -> NDArray[np.float64]:
         """Return what it costs that each track has each role with a slot, ``(n, k)``; `NEVER` where it cannot."""
-        return costs(tracks, self._known)
+        return costs(tracks, self._tints.tints_of(tracks.colours), self._known)
 
     def predict(self, tracks: Tracks) -> Ints:
         """Return the role of each track, ``(n,)`` int64; −1 for none.
@@ -189,7 +190,7 @@ class SlotAssigner(Saved):
         """
         if not self.frames_:
             raise DataError("no roles are known yet: call partial_fit first")
-        matrix = costs(tracks, self._known)
+        matrix = self.costs(tracks)
         rows, columns = linear_sum_assignment(matrix)
         roles = np.full(len(tracks), -1, np.int64)
         roles[rows] = np.where(matrix[rows, columns] < NEVER, self._known.roles[columns], -1)

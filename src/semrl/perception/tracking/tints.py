@@ -43,11 +43,11 @@ class Tints(Saved):
     def learn(self, classes: Ints, colours: Floats) -> None:
         """Count the objects of a frame, by class, ``(n,)``, and mean colour, ``(n, 3)``."""
         for colour in colours:
-            if len(self._colours) < MOST_TINTS and self._tints(colour[None])[0] == len(self._colours):
+            if len(self._colours) < MOST_TINTS and self.tints_of(colour[None])[0] == len(self._colours):
                 self._colours = np.concatenate([self._colours, colour[None]])
         more = int(classes.max(initial=-1)) + 1 - len(self._seen), len(self._colours) - self._seen.shape[1]
         self._seen = np.pad(self._seen, [(0, max(n, 0)) for n in more])
-        tints = self._tints(colours)
+        tints = self.tints_of(colours)
         known = tints < len(self._colours)
         np.add.at(self._seen, (classes[known], tints[known]), 1)
 
@@ -71,7 +71,7 @@ class Tints(Saved):
             return classes
         known = classes < len(self.numbers_)
         kinds = np.full(len(classes), self.numbers_.max() + 1)
-        kinds[known] = self.numbers_[classes[known], self._tints(colours[known])]
+        kinds[known] = self.numbers_[classes[known], self.tints_of(colours[known])]
         return kinds
 
     def is_new(self, classes: Ints, colours: Floats) -> NDArray[np.bool_]:
@@ -79,20 +79,20 @@ class Tints(Saved):
 
         Before, nothing is new; where there were too many colours to tell apart, no other colour is.
         """
-        tints = self._tints(colours)
+        tints = self.tints_of(colours)
         known = tints < len(self._colours)
         new = np.full(len(classes), 0 < len(self._colours) < MOST_TINTS and len(self.numbers_) > 0)
         seen = known & (classes < len(self.numbers_))
         new[seen] = self._seen[classes[seen], tints[seen]] == 0
         return new
 
-    def from_arrays(self, arrays: Arrays) -> None:
-        """Take over what was saved; runs that are older than this know kinds by class alone."""
-        if arrays:
-            super().from_arrays(arrays)
-
-    def _tints(self, colours: Floats) -> Ints:
+    def tints_of(self, colours: Floats) -> Ints:
         """Return which known colour each is, the nearest, ``(n,)``; as many as there are where it is none."""
         away: NDArray[np.float32] = np.abs(colours[:, None] - self._colours[None]).max(axis=2)  # (n, k)
         most = np.full((len(colours), 1), ALIKE, np.float32)
         return np.asarray(np.concatenate([away, most], axis=1).argmin(axis=1))  # the first of equals
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Take over what was saved; runs that are older than this know kinds by class alone."""
+        if arrays:
+            super().from_arrays(arrays)
