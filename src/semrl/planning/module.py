@@ -308,7 +308,7 @@ class PlanningModule:
             world_model=self.world_model.inference_arrays(),
             concepts=self.concepts.to_arrays(),
             extent=self.extent.to_arrays(),
-            concept_rules=self.concept_rules.inference_arrays(),
+            concept_rules=self.concept_rules.to_arrays(),
         )
 
     def from_arrays(self, arrays: Arrays) -> None:

@@ -1,14 +1,14 @@
 """Rules of concepts, read from the newest play, whatever the world model is made of."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from itertools import groupby, islice
 
 import numpy as np
 
 from semrl.concepts import Concepts
 from semrl.core import Trajectory
-from semrl.core.arrays import Arrays, array_to_json, json_to_array, nest, unnest
+from semrl.core.arrays import Arrays
 from semrl.core.errors import UsageError
 from semrl.world_model.lifted.decision_lists import About, joined_lists, read_lists
 from semrl.world_model.lifted.play import Play
@@ -45,7 +45,7 @@ class ConceptRules:
     def __init__(self, concepts: Concepts) -> None:
         self.concepts = concepts
         self.play = Play(NEWEST_DECISIONS)
-        self._lists: list[Rule] | None = []  # None: to be read from the play
+        self._lists: list[Rule] | None = None
 
     def partial_fit(self, trajectory: Trajectory) -> None:
         """Remember an episode."""
@@ -76,23 +76,17 @@ class ConceptRules:
         return found
 
     def to_arrays(self) -> Arrays:
-        """Return what is remembered, and the rules."""
-        return self.inference_arrays() | nest(play=self.play.to_arrays())
-
-    def inference_arrays(self) -> Arrays:
-        """Return the rules alone."""
-        return {"rules": json_to_array([asdict(rule) for rule in self._read()])}
+        """Return what is remembered."""
+        return self.play.to_arrays()
 
     def from_arrays(self, arrays: Arrays) -> None:
-        """Take over what either of them returned."""
-        if play := unnest(arrays, "play"):
-            self.play.from_arrays(play)
-        saved = array_to_json(arrays["rules"])
-        self._lists = [Rule(**each | {"conditions": tuple(each["conditions"])}) for each in saved]
+        """Take over what `to_arrays` returned."""
+        self.play.from_arrays(arrays)
+        self._lists = None
 
     def _read(self) -> list[Rule]:
         if self._lists is None:
-            self._lists = read_play(self.play, self.concepts) if self.concepts.is_fitted else []
+            self._lists = read_play(self.play, self.concepts) if self.concepts.is_fitted and len(self.play) else []
         return self._lists
 
 
