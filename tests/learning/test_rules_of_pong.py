@@ -6,16 +6,12 @@ from semrl.evaluation.rules import load_rules
 from semrl.training import preset, train
 from semrl.world_model.rules import sentence
 
-DOZEN = 13
-"""Lines, with those that say how often nothing happened."""
-
-
 @pytest.mark.slow
 def test_a_dozen_rules_tell_the_game(tmp_path):
     """Both rewards, the bounce off the paddle and off both walls, and what each action does."""
     config = preset("semrl", "objects-map", {"decisions": 6_000})
     train(tmp_path / "run", config)
-    said = [f"{rule.about}: {sentence(rule)}" for rule in load_rules(tmp_path / "run")[:DOZEN]]
+    said = [f"{rule.about}: {sentence(rule)}" for rule in load_rules(tmp_path / "run")[:12]]
     walls = ("top edge", "bottom edge", "touches still")
     for parts in (
         ("+1 by object", "left edge"),

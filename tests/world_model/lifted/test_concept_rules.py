@@ -56,7 +56,8 @@ def test_rules_name_what_is_touched():
     (brick,) = np.unique(rules.concepts.families_[rules.concepts.is_lost_])
     name = rules.concepts.table_.names[brick]
     assert any("touches" in said and name in said for said in rule.conditions)
-    assert rule.right / rule.decisions > 10 * otherwise.right / otherwise.decisions
+    assert rule.claim.startswith("+1") and otherwise.claim.startswith("none")
+    assert rule.right / rule.decisions > 10 * (1 - otherwise.right / otherwise.decisions)
 
 
 def test_a_reader_goes_on_where_it_was_saved(rallies):

@@ -26,7 +26,7 @@ SAME_PX = 1.0
 
 _MOST_ROWS = 20_000  # the newest, that rules are read from
 _FEWEST = 3  # times that a condition must have been right
-_LEAST_WORTH = 0.15
+_LEAST_WORTH, _LEAST_PRECISION = 0.15, 0.3
 _TRIVIAL = 0.9  # share of the rows: what holds more often says nothing
 _EDGE_PX, _FARTHEST = 1.0, 0.9995  # share of the places beyond an edge: some are mistakes
 _OTHERWISE = ("otherwise",)
@@ -73,8 +73,10 @@ def read_lists(rows: Floats, targets: Floats, about: About, n_actions: int) -> l
     if len(rows) < 2 * _FEWEST:
         return []
     literals = _literals(rows, about)
-    rules = [rule for event in _events(rows, targets, about) for rule in _list(event, literals)]
-    return [*rules, *(_effects(rows, targets, about, n_actions) if about.controlled else [])]
+    rules = _rewards(targets, about, literals)
+    if about.controlled:
+        return [*rules, *_effects(rows, targets, about, n_actions)]
+    return [*rules, *(rule for event in _turns(rows, targets, about) for rule in _list(event, literals))]
 
 
 def joined_lists(lists: Sequence[Sequence[Rule]]) -> list[Rule]:
@@ -107,8 +109,21 @@ def _literals(rows: Floats, about: About) -> dict[str, Mask]:
     return {name: mask for name, mask in said.items() if mask.mean() < _TRIVIAL}
 
 
-def _events(rows: Floats, targets: Floats, about: About) -> list[_Event]:
-    """Return what is to be explained of a concept: turns, what vanishes, rewards."""
+def _rewards(targets: Floats, about: About, literals: dict[str, Mask]) -> list[Rule]:
+    """Say what brings gains, what losses, and how often there was neither otherwise."""
+    rules: list[Rule] = []
+    left = np.ones(len(targets), np.bool_)
+    for sign in (1, -1):
+        happened = targets[:, 3] == sign
+        if happened.sum() >= _FEWEST - 1:
+            chosen, left = _chosen(_Event(REWARD, f"{sign:+d} by {about.name}", sign, left, happened, 1), literals)
+            rules += chosen
+    neither = _Event(REWARD, f"none by {about.name}", 0.0, left, targets[:, 3] == 0, 0)
+    return [*rules, _rule(neither, _OTHERWISE, left)] if rules and left.any() else rules
+
+
+def _turns(rows: Floats, targets: Floats, about: About) -> list[_Event]:
+    """Return which turns are to be explained of a concept: how its velocities change sign."""
     events = []
     for axis, name in enumerate(("vx", "vy")):
         before, after = rows[:, axis], targets[:, LATER_VX + axis]
@@ -117,30 +132,30 @@ def _events(rows: Floats, targets: Floats, about: About) -> list[_Event]:
         mirrored = turned & (np.abs(after + before) <= SAME_PX)
         exact = 2 * mirrored.sum() > turned.sum()
         claim = f"{name} := −{name}" if exact else f"{name} turns"
-        if not about.controlled:
-            events.append(_Event(f"{about.name} {name}", claim, -1.0, possible, mirrored if exact else turned, 3))
-    everywhere = np.ones(len(rows), np.bool_)
-    for sign in (1, -1):
-        happened = targets[:, 3] == sign
-        events.append(_Event(REWARD, f"{sign:+d} by {about.name}", sign, everywhere, happened, 1))
+        events.append(_Event(f"{about.name} {name}", claim, -1.0, possible, mirrored if exact else turned, 3))
     return [event for event in events if event.happened.sum() >= _FEWEST - 1]
 
 
 def _list(event: _Event, literals: dict[str, Mask]) -> list[Rule]:
-    """Choose conditions one after the other, and say what is left of the event otherwise."""
+    """Choose conditions, and say what is left of the event otherwise."""
+    rules, left = _chosen(event, literals)
+    return [*rules, _rule(event, _OTHERWISE, left)] if rules and left.any() else rules
+
+
+def _chosen(event: _Event, literals: dict[str, Mask]) -> tuple[list[Rule], Mask]:
+    """Choose conditions one after the other, each for what those before it left; return what all of them leave."""
     rules: list[Rule] = []
-    open_ = event.possible.copy()
+    left = event.possible.copy()
     while len(rules) < event.most:
         worth, best, mask = max(
-            ((_worth(open_ & mask, open_ & event.happened), said, mask) for said, mask in _conditions(literals)),
+            ((_worth(left & mask, left & event.happened), said, mask) for said, mask in _conditions(literals)),
             key=lambda one: (one[0], -len(one[1])),
         )
         if worth < _LEAST_WORTH:
             break
-        covered = open_ & mask
-        rules.append(_rule(event, best, covered))
-        open_ &= ~mask
-    return [*rules, _rule(event, _OTHERWISE, open_)] if rules and open_.any() else rules
+        rules.append(_rule(event, best, left & mask))
+        left &= ~mask
+    return rules, left
 
 
 def _conditions(literals: dict[str, Mask]) -> list[tuple[tuple[str, ...], Mask]]:
@@ -154,7 +169,7 @@ def _conditions(literals: dict[str, Mask]) -> list[tuple[tuple[str, ...], Mask]]
 def _worth(covered: Mask, wanted: Mask) -> float:
     """Return how well a condition predicts an event, 0 … 1: a mean of precision and recall that favours precision."""
     right, n = int((covered & wanted).sum()), int(covered.sum())
-    if right < min(_FEWEST, int(wanted.sum())) or not right:
+    if right < min(_FEWEST, int(wanted.sum())) or right < _LEAST_PRECISION * n or not right:
         return 0.0
     precision, recall = right / n, right / wanted.sum()
     weight = _PRECISION**2
