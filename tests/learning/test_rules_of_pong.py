@@ -6,6 +6,7 @@ from semrl.evaluation.rules import load_rules
 from semrl.training import preset, train
 from semrl.world_model.rules import sentence
 
+
 @pytest.mark.slow
 def test_a_dozen_rules_tell_the_game(tmp_path):
     """Both rewards, the bounce off the paddle and off both walls, and what each action does."""
