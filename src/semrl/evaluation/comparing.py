@@ -179,7 +179,7 @@ def _agreement(nodes: Sequence[tuple[int, int]]) -> float:
     ours, theirs = zip(*nodes, strict=True)
     if len(set(ours)) == len(set(theirs)) == 1:
         return 1.0  # undivided, both
-    return float(adjusted_mutual_info_score(ours, theirs))
+    return min(1.0, float(adjusted_mutual_info_score(ours, theirs)))  # rounding may carry it beyond
 
 
 def _node(step: Step) -> int | None:
