@@ -25,7 +25,8 @@ from rich.table import Table
 
 from semrl.core import Floats, History, Ints, Trajectory
 from semrl.planning import LongTermConfig, plan_routes
-from semrl.planning.module import MEMORY_DECISIONS, PlanningModule
+from semrl.planning.config import MEMORY_DECISIONS
+from semrl.planning.module import PlanningModule
 from semrl.planning.state_map import StateMap, StateMapConfig
 from semrl.training import preset
 from semrl.training.session import limited_threads

@@ -5,7 +5,8 @@ from state_map import ACTIONS, random_play
 
 from semrl.core import History
 from semrl.planning import reason
-from semrl.planning.module import PlanningConfig, PlanningModule
+from semrl.planning.config import PlanningConfig
+from semrl.planning.module import PlanningModule
 from semrl.planning.scenario_planner import ScenarioPlannerConfig
 from semrl.planning.state_map import StateMapConfig
 from semrl.world_model import ModelPairConfig, NextStateConfig, RewardConfig

@@ -12,7 +12,8 @@ from sklearn.model_selection import KFold, StratifiedKFold
 
 from semrl.core import Floats, History, Ints, Trajectory, Transitions
 from semrl.evaluation.prediction import balanced_accuracy
-from semrl.planning.module import MEMORY_DECISIONS, PlanningModule
+from semrl.planning.config import MEMORY_DECISIONS
+from semrl.planning.module import PlanningModule
 from semrl.world_model import ModelPair, NextStateConfig, NextStateNetwork, RewardConfig, TreeWorld, make_reward_model
 from semrl.world_model.protocol import WorldModel
 

@@ -116,7 +116,7 @@ def test_quick_commands_do_not_import_what_is_slow(map_run, argv, heavy):
     assert done.returncode == 0 and done.stderr == b"[]\n"
 
 
-@pytest.mark.parametrize("settings", ["training.config", "agents", "agents.config", "world_model", "planning.module"])
+@pytest.mark.parametrize("settings", ["training.config", "agents", "agents.config", "world_model", "planning.config"])
 def test_settings_are_read_without_torch(settings):
     done = semrl("--version", before=f"import semrl.{settings}; assert 'torch' not in sys.modules")
     assert done.returncode == 0 and done.stderr == b""

@@ -124,7 +124,7 @@ def test_a_box_without_parameters_is_told(dice: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    "module", ["perception.config", "perception.encoders", "agents", "planning.module", "grounding"]
+    "module", ["perception.config", "perception.encoders", "agents", "planning.config", "grounding"]
 )
 def test_every_box_of_this_package_can_be_loaded(module: str) -> None:
     found = [value for value in vars(__import__(f"semrl.{module}", fromlist=["*"])).values() if type(value) is Registry]

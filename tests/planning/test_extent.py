@@ -3,8 +3,9 @@
 import numpy as np
 
 from semrl.core import Trajectory
+from semrl.planning.config import PlanningConfig
 from semrl.planning.extent import Extent
-from semrl.planning.module import PlanningConfig, PlanningModule
+from semrl.planning.module import PlanningModule
 
 SEEN = np.array([1, 1, 3, 3])
 

@@ -11,7 +11,8 @@ from semrl.core.arrays import digest
 from semrl.core.errors import DataError, UsageError
 from semrl.grounding import PlanFeaturesConfig
 from semrl.planning import LongTermConfig, plan_routes
-from semrl.planning.module import PlanningConfig, PlanningModule
+from semrl.planning.config import PlanningConfig
+from semrl.planning.module import PlanningModule
 from semrl.planning.scenario_planner import ScenarioPlannerConfig
 from semrl.planning.state_map import StateMapConfig
 from semrl.training.config import MODELS

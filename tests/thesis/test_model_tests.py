@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from semrl.core import Scenarios, Trajectory
-from semrl.planning.module import PlanningConfig, PlanningModule
+from semrl.planning.config import PlanningConfig
+from semrl.planning.module import PlanningModule
 from semrl.world_model import ModelPair, ModelPairConfig, NextStateConfig, TreesConfig
 from semrl_thesis.prediction import confusion, examine, predict_run, r2, shares
 

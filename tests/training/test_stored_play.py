@@ -14,7 +14,8 @@ from semrl.perception.detection import DetectionConfig
 from semrl.perception.encoders import ENCODERS
 from semrl.perception.pretraining.schedule import PretrainingSchedule
 from semrl.perception.pretraining.stability import StabilityConfig
-from semrl.planning.module import PlanningConfig, PlanningModule
+from semrl.planning.config import PlanningConfig
+from semrl.planning.module import PlanningModule
 from semrl.training.loop import Frames
 from semrl.training.stored_play import play_again, pretrain, stored_from_arrays, stored_to_arrays, warm_start
 

@@ -15,7 +15,8 @@ from semrl.perception.encoders import ENCODERS
 from semrl.perception.pretraining.schedule import PretrainingSchedule
 from semrl.perception.pretraining.stability import StabilityConfig
 from semrl.perception.tracking import SlotAssignerConfig
-from semrl.planning.module import PlanningConfig, PlanningModule
+from semrl.planning.config import PlanningConfig
+from semrl.planning.module import PlanningModule
 from semrl.planning.scenario_planner import ScenarioPlannerConfig
 from semrl.training.loop import EpisodeView, play
 from semrl.training.parts import Parts

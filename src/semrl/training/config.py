@@ -18,7 +18,7 @@ from semrl.envs import EnvironmentConfig
 from semrl.perception.config import PerceptionConfig
 from semrl.perception.encoders import ENCODERS
 from semrl.perception.pretraining.stability import StabilityConfig
-from semrl.planning.module import PlanningConfig
+from semrl.planning.config import PlanningConfig
 
 PRESETS = ("semrl", "thesis")
 
