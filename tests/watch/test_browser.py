@@ -112,6 +112,8 @@ def test_a_person_uses_the_page(browser, address):
     assert not browser.find_elements(TAG, "img") and browser.title != "taken"
     assert len(browser.find_elements(CSS, "#facts tr")) > 2
     assert browser.find_elements(CSS, "#rules li") and text("reason")
+    learned = browser.find_element(ID, "learned").text
+    assert "the reward" in learned or "if the action is" in learned
     assert (
         browser.execute_script(
             "const pixels = document.getElementById('screen').getContext('2d').getImageData(0, 0, 400, 300).data;"

@@ -1,4 +1,4 @@
-"""Rules that fire are those of `semrl rules`, one of each number, and their conditions hold."""
+"""Rules that fire are those of `semrl rules --trees`, one of each number, and their conditions hold."""
 
 import contextlib
 import re
@@ -7,7 +7,7 @@ import shutil
 import numpy as np
 
 from semrl.evaluation.player import load_player
-from semrl.evaluation.rules import rules_of, unit_of
+from semrl.evaluation.rules import tree_rules_of, unit_of
 from semrl.watch.session import WatchSession
 from semrl.watch.snapshot import of_moment
 from semrl.watch.teaching import edit_of
@@ -17,7 +17,7 @@ from semrl.world_model.tree_world import RETURN, REWARD
 
 def test_one_rule_of_each_number_fires_and_holds(session):
     player = session.player
-    known = {(rule.about, sentence(rule)) for rule in rules_of(player)}
+    known = {(rule.about, sentence(rule)) for rule in tree_rules_of(player)}
     names = player.encoder.space.names
     checked = 0
     for _ in range(30):

@@ -77,7 +77,7 @@ def switch_rules(player: Player, off: Collection[str]) -> None:
 
 
 def keys_of_rules(player: Player) -> dict[str, Rule]:
-    """Return the rules of a player that can be switched off, by name: those of `semrl rules`, where trees predict."""
+    """Return the rules of a player that can be switched off, by name: those of `semrl rules --trees`."""
     book = rule_book_of(player)
     return {rule.key: rule for rules in book.trees for rule in rules.by_support} if book else {}
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from semrl import __version__
 from semrl.core import IMAGE_SIZE_PX, Floats, Frame, MapGraph, Plan, Sight
-from semrl.evaluation.rules import unit_of
+from semrl.evaluation.rules import rules_of, unit_of
 from semrl.evaluation.sight import CLASS_COLOURS
 from semrl.evaluation.video import imagined_ways
 from semrl.knowledge.edits import standing
@@ -30,7 +30,7 @@ LARGEST_PNG_PX = 320 * 240
 
 
 def about(session: WatchSession) -> dict[str, Any]:
-    """Return what stays as it is while a session lasts: who plays what, the actions and their keys, the map."""
+    """Return what stays as it is while a session lasts: who plays what, by which keys, and what was learned before."""
     player = session.player
     planning = player.planning
     can_predict = planning is not None and len(planning.state_map.graph_) > 0 and planning.world_model.is_fitted
@@ -49,6 +49,7 @@ def about(session: WatchSession) -> dict[str, Any]:
         "colours": [list(colour) for colour in CLASS_COLOURS],
         "map": drawn_map(planning.state_map.graph_, planning.routes.goals) if planning else None,
         "words": _words(session),
+        "learned": [{"about": rule.about, "says": sentence(rule)} for rule in rules_of(player) if rule.claim],
     }
 
 

@@ -71,6 +71,8 @@ function introduce(run) {
     option.value = option.textContent = run.policies[i];
   });
   $("map-card").hidden = !run.map;
+  $("learned-card").hidden = !run.learned.length;
+  $("learned").replaceChildren(...run.learned.flatMap(({ about, says }, i) => [...(run.learned[i - 1]?.about === about ? [] : [make("dt", about)]), make("dd", says)]));
   const keys = run.actions.map((name, i) => `${run.keys[i].map(keyName).join(" + ") || "nothing"}: ${name}`);
   text("keys", `Hold ${keys.join(" · ")}. While no key is held that means something, ${run.keys.some((k) => !k.length) ? "the game waits" : "the other one decides"}. Escape gives the joystick back.`);
   askable(run.words, say);
