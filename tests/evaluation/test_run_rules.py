@@ -4,7 +4,8 @@ import pytest
 
 from semrl.core.errors import UsageError
 from semrl.evaluation.player import load_player
-from semrl.evaluation.rules import load_rules
+from semrl.evaluation.rules import learned_of, load_rules
+from semrl.world_model.rules import sentence
 from semrl.world_model.tree_world import RETURN, REWARD
 
 
@@ -28,6 +29,9 @@ def test_where_things_are_followed_rules_are_about_concepts(tracked_run):
     concepts = load_player(tracked_run).planning.concepts.table_.names
     assert found and all(rule.about == REWARD or rule.about.split()[0] in concepts for rule in found)
     assert all(rule.claim and 0 <= rule.right <= rule.decisions for rule in found)
+    learned = learned_of(load_player(tracked_run))
+    assert [one for about in learned for one in about.says] == [sentence(rule) for rule in found]
+    assert all(about.kinds and about.moved for about in learned if about.name in concepts)
     by_trees = load_rules(tracked_run, trees=True)
     assert by_trees and not any(rule.claim for rule in by_trees)
 

@@ -3,9 +3,8 @@
 import contextlib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,8 +12,8 @@ from semrl.core import Frame, Image, Sight, State, StateSpace
 from semrl.core.arrays import Arrays, json_to_array, nest, ragged_to_arrays
 from semrl.core.files import write_arrays
 from semrl.envs import Game
-from semrl.evaluation.player import Player, load_player
-from semrl.evaluation.rules import rules_of
+from semrl.evaluation.player import load_player
+from semrl.evaluation.rules import learned_of
 from semrl.evaluation.sight import CLASS_COLOURS, look
 from semrl.perception.detection import OtsuDetector
 from semrl.perception.detection.grey import to_grey
@@ -23,7 +22,6 @@ from semrl.perception.perception import Perception
 from semrl.perception.reduction import ObjectPCA
 from semrl.training.loop import Frames, play
 from semrl.training.session import limited_threads
-from semrl.world_model.rules import sentence
 
 GALLERY_DECISIONS = 1000
 GALLERY_SAMPLES = 4
@@ -37,7 +35,7 @@ def save_gallery(run: Path, seed: int) -> Path:
     ``classes`` and ``edges`` of these frames as ragged arrays; ``threshold`` in grey levels;
     ``explained_variance_ratio``; ``n_clusters``, ``class_numbers (k,)``, ``centres (k, 8, 8)`` and
     ``class_counts (k,)``, how many objects of each class were seen; ``palette (c, 3)``, the RGB that class i
-    is drawn in (modulo c); and ``meta``, with the concepts and the rules about them.
+    is drawn in (modulo c); and ``meta``, with what was learned of each concept.
 
     Parameters
     ----------
@@ -67,30 +65,12 @@ def save_gallery(run: Path, seed: int) -> Path:
         "seed": seed,
         "decisions": player.decisions,
         "played": GALLERY_DECISIONS,
-        "concepts": _concepts(player),
-        "rules": [{"about": rule.about, "says": sentence(rule)} for rule in rules_of(player) if rule.claim],
+        "learned": [asdict(one) for one in learned_of(player)],
     }
     learned = _learned(player.encoder.perception, counts) if player.encoder.perception else {}
     path = Path(run) / "gallery.npz"
     write_arrays(path, {"meta": json_to_array(meta), **_sampled(samples, player.encoder.space), **learned})
     return path
-
-
-def _concepts(player: Player) -> list[dict[str, Any]]:
-    """Say of each concept that has things what moves it, and which kinds are of it."""
-    concepts = player.planning.concepts if player.planning else None
-    if concepts is None or not concepts.is_fitted:
-        return []
-    table = concepts.table_
-    return [
-        {
-            "name": name,
-            "moved": "static" if table.static[i] else "controlled" if table.controlled[i] else "autonomous",
-            "kinds": list(table.kinds[i]),
-        }
-        for i, name in enumerate(table.names)
-        if table.kinds[i]
-    ]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

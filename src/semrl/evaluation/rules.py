@@ -1,12 +1,13 @@
 """The rules by which a run predicts, for those who want to check them."""
 
 from collections.abc import Collection
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from semrl.core.errors import UsageError
 from semrl.evaluation.player import Player, load_player
 from semrl.world_model.protocol import RuleBased, RulesThatFire
-from semrl.world_model.rules import Rule, RuleBook
+from semrl.world_model.rules import Rule, RuleBook, sentence
 
 MOST = 8
 """Rules for each number of a state, and for the reward, when nothing else is asked for."""
@@ -53,6 +54,36 @@ def tree_rules_of(player: Player, *, most: int = MOST) -> list[Rule]:
     if not (world and world.is_fitted and isinstance(world, RuleBased)):
         return []
     return world.rules(_names(player), player.action_names, most=most, unit=unit_of(player))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Learned:
+    """What was learned of a concept, or of the reward, in sentences."""
+
+    name: str
+    moved: str = ""
+    """``controlled`` or ``autonomous``; of the reward nothing."""
+    kinds: tuple[int, ...] = ()
+    """Numbers of the classes that are of the concept."""
+    says: list[str] = field(default_factory=list)
+
+
+def learned_of(player: Player) -> list[Learned]:
+    """Return the rules about concepts, those of each together; none where things are not followed."""
+    if player.planning is None:
+        return []
+    table = player.planning.concepts.table_
+    found: dict[str, Learned] = {}
+    for rule in player.planning.concept_rules.rules(player.action_names):
+        name = rule.about.rsplit(" ", 1)[0]  # without the velocity
+        if name in table.names:
+            number = table.names.index(name)
+            moved = "controlled" if table.controlled[number] else "autonomous"
+            new = Learned(name=name, moved=moved, kinds=table.kinds[number])
+        else:
+            new = Learned(name=rule.about)
+        found.setdefault(new.name, new).says.append(sentence(rule))
+    return list(found.values())
 
 
 def rule_book_of(player: Player, *, most: int = MOST) -> RuleBook | None:

@@ -47,8 +47,8 @@ class Concept:
 
     name: str
     moved: str
-    pictures: tuple[str, ...]
-    rules: list[str]
+    pictures: Sequence[str]
+    rules: Sequence[str]
 
 
 def meta(gallery: Arrays) -> dict[str, Any]:
@@ -101,20 +101,17 @@ def kinds(gallery: Arrays) -> list[Kind]:
 
 
 def concepts(gallery: Arrays) -> list[Concept]:
-    """Return what rules were learned about: the reward, and the concepts with pictures of their kinds; or nothing."""
-    notes = meta(gallery)
-    rules: dict[str, list[str]] = {}
-    for rule in notes.get("rules", ()):
-        rules.setdefault(rule["about"], []).append(rule["says"])
+    """Return what was learned of the reward and of concepts, with pictures of their kinds; nothing without gallery."""
     pictures = {kind.number: kind.picture for kind in kinds(gallery)}
-    known = {one["name"]: one for one in notes.get("concepts", ())}
-    shown: dict[str, Concept] = {}
-    for about, said in rules.items():
-        name = about.rsplit(" ", 1)[0] if about.rsplit(" ", 1)[0] in known else about
-        one = known.get(name, {"moved": "", "kinds": ()})
-        drawn = tuple(pictures[number] for number in one["kinds"] if number in pictures)
-        shown.setdefault(name, Concept(name=name, moved=one["moved"], pictures=drawn, rules=[])).rules.extend(said)
-    return list(shown.values())
+    return [
+        Concept(
+            name=one["name"],
+            moved=one["moved"],
+            pictures=[pictures[number] for number in one["kinds"] if number in pictures],
+            rules=one["says"],
+        )
+        for one in meta(gallery).get("learned", ())
+    ]
 
 
 def palette(gallery: Arrays) -> Palette:

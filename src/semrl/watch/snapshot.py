@@ -9,7 +9,7 @@ import numpy as np
 
 from semrl import __version__
 from semrl.core import IMAGE_SIZE_PX, Floats, Frame, MapGraph, Plan, Sight
-from semrl.evaluation.rules import rules_of, unit_of
+from semrl.evaluation.rules import learned_of, unit_of
 from semrl.evaluation.sight import CLASS_COLOURS
 from semrl.evaluation.video import imagined_ways
 from semrl.knowledge.edits import standing
@@ -49,7 +49,7 @@ def about(session: WatchSession) -> dict[str, Any]:
         "colours": [list(colour) for colour in CLASS_COLOURS],
         "map": drawn_map(planning.state_map.graph_, planning.routes.goals) if planning else None,
         "words": _words(session),
-        "learned": [{"about": rule.about, "says": sentence(rule)} for rule in rules_of(player) if rule.claim],
+        "learned": [asdict(one) for one in learned_of(player)],
     }
 
 
