@@ -206,7 +206,9 @@ def test_a_gallery_of_tracked_objects_holds_their_numbers_and_makes_a_page(reque
     arrays = read_arrays(gallery.save_gallery(run, seed=3))
     assert arrays["vectors"].shape == (gallery.GALLERY_SAMPLES, len(space.names) or space.shape[0])
     assert bool(space.names) == (name != "plain_tracked_run") and arrays["vectors"].any()
-    assert bool(array_to_json(arrays["meta"])["learned"]) == (load_player(run).planning is not None)
+    learned, pictures = array_to_json(arrays["meta"])["learned"], unnest(arrays, "pictures")
+    assert bool(learned) == bool(pictures) == (load_player(run).planning is not None)
+    assert all(picture.ndim == 3 and picture.size for picture in pictures.values())
     page = write_report([run], tmp_path / "page.html").read_text()
     assert all(f"{told} " in page for told in space.names)
 

@@ -8,11 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from semrl.core import Frame, Image, Sight, State, StateSpace
+from semrl.concepts import SceneBuilder
+from semrl.concepts.scenes import CONCEPT
+from semrl.core import IMAGE_SIZE_PX, Floats, Frame, Image, Sight, State, StateSpace
 from semrl.core.arrays import Arrays, json_to_array, nest, ragged_to_arrays
 from semrl.core.files import write_arrays
+from semrl.core.things import LEFT
 from semrl.envs import Game
-from semrl.evaluation.player import load_player
+from semrl.evaluation.player import Player, load_player
 from semrl.evaluation.rules import learned_of
 from semrl.evaluation.sight import CLASS_COLOURS, look
 from semrl.perception.detection import OtsuDetector
@@ -34,7 +37,8 @@ def save_gallery(run: Path, seed: int) -> Path:
     (s, 84, 84)`` or ``vectors (s, d)``, of which only the named numbers where there are names; ``boxes``,
     ``classes`` and ``edges`` of these frames as ragged arrays; ``threshold`` in grey levels;
     ``explained_variance_ratio``; ``n_clusters``, ``class_numbers (k,)``, ``centres (k, 8, 8)`` and
-    ``class_counts (k,)``, how many objects of each class were seen; ``palette (c, 3)``, the RGB that class i
+    ``class_counts (k,)``, how many objects of each class were seen; ``pictures/name (h, w, 3)``, a thing of each
+    concept, as large as any was seen; ``palette (c, 3)``, the RGB that class i
     is drawn in (modulo c); and ``meta``, with what was learned of each concept.
 
     Parameters
@@ -48,11 +52,13 @@ def save_gallery(run: Path, seed: int) -> Path:
     rng = np.random.default_rng(seed)
     counts: Counter[int] = Counter()
     samples: list[_Sample] = []
+    pictures = _Pictures(player)
     best = -1.0
     with limited_threads(player.config.threads), contextlib.closing(player.new_env()) as env:
         for i, sample in enumerate(_wander(Game(env, seed), player.encoder, rng)):
             sight = sample.sight
             counts.update(sight.classes.tolist())
+            pictures.look(sample)
             richness = len(np.unique(sight.classes)) + len(sight.boxes_px) / 1000
             if i % (GALLERY_DECISIONS // GALLERY_SAMPLES) == 0:  # of each stretch the richest frame is kept
                 samples.append(sample)
@@ -69,7 +75,15 @@ def save_gallery(run: Path, seed: int) -> Path:
     }
     learned = _learned(player.encoder.perception, counts) if player.encoder.perception else {}
     path = Path(run) / "gallery.npz"
-    write_arrays(path, {"meta": json_to_array(meta), **_sampled(samples, player.encoder.space), **learned})
+    write_arrays(
+        path,
+        {
+            "meta": json_to_array(meta),
+            **_sampled(samples, player.encoder.space),
+            **learned,
+            **nest(pictures=pictures.found),
+        },
+    )
     return path
 
 
@@ -80,6 +94,40 @@ class _Sample:
     frame: Frame
     state: State | None
     sight: Sight
+
+
+class _Pictures:
+    """Cuts a picture of each concept out of the frames: of its largest thing."""
+
+    def __init__(self, player: Player) -> None:
+        concepts = player.planning.concepts if player.planning else None
+        self.concepts = concepts if concepts and concepts.is_fitted else None
+        self.found: dict[str, Frame] = {}
+        self._areas: dict[str, float] = {}
+
+    def look(self, sample: _Sample) -> None:
+        """Keep a picture of what is larger than all of its concept before."""
+        things = None if sample.state is None else sample.state.things
+        if self.concepts is None or things is None or not len(things):
+            return
+        names = self.concepts.table_.names
+        objects = SceneBuilder(self.concepts).newest([things])
+        for one, edges in zip(objects, things[:, LEFT:], strict=True):
+            if one[CONCEPT] < 0:
+                continue
+            name = names[int(one[CONCEPT])]
+            area = float(np.prod(edges[2:] - edges[:2]))
+            if area > self._areas.get(name, 0.0):
+                self._areas[name], self.found[name] = area, _cut(sample.frame, edges)
+
+
+def _cut(frame: Frame, edges_px: Floats) -> Frame:
+    """Return what lies between left, top, right and bottom, in pixels of the 84×84 image."""
+    left, top, right, bottom = edges_px / IMAGE_SIZE_PX
+    height, width = frame.shape[:2]
+    rows = slice(int(top * height), max(int(np.ceil(bottom * height)), int(top * height) + 1))
+    columns = slice(int(left * width), max(int(np.ceil(right * width)), int(left * width) + 1))
+    return frame[rows, columns].copy()
 
 
 def _wander(game: Game, encoder: Encoder, rng: np.random.Generator) -> Iterator[_Sample]:

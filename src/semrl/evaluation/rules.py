@@ -63,8 +63,6 @@ class Learned:
     name: str
     moved: str = ""
     """``controlled`` or ``autonomous``; of the reward nothing."""
-    kinds: tuple[int, ...] = ()
-    """Numbers of the classes that are of the concept."""
     says: list[str] = field(default_factory=list)
 
 
@@ -78,8 +76,7 @@ def learned_of(player: Player) -> list[Learned]:
         name = rule.about.rsplit(" ", 1)[0]  # without the velocity
         if name in table.names:
             number = table.names.index(name)
-            moved = "controlled" if table.controlled[number] else "autonomous"
-            new = Learned(name=name, moved=moved, kinds=table.kinds[number])
+            new = Learned(name=name, moved="controlled" if table.controlled[number] else "autonomous")
         else:
             new = Learned(name=rule.about)
         found.setdefault(new.name, new).says.append(sentence(rule))

@@ -43,11 +43,11 @@ class Kind:
 
 @dataclass(frozen=True, kw_only=True)
 class Concept:
-    """A concept, or the reward: what moves it, the centres of its kinds as pictures, and the rules about it."""
+    """A concept, or the reward: what moves it, one of its things as a picture, and the rules about it."""
 
     name: str
     moved: str
-    pictures: Sequence[str]
+    picture: str | None
     rules: Sequence[str]
 
 
@@ -101,13 +101,13 @@ def kinds(gallery: Arrays) -> list[Kind]:
 
 
 def concepts(gallery: Arrays) -> list[Concept]:
-    """Return what was learned of the reward and of concepts, with pictures of their kinds; nothing without gallery."""
-    pictures = {kind.number: kind.picture for kind in kinds(gallery)}
+    """Return what was learned of the reward and of concepts, with a picture of each; nothing without gallery."""
+    pictures = unnest(gallery, "pictures")
     return [
         Concept(
             name=one["name"],
             moved=one["moved"],
-            pictures=[pictures[number] for number in one["kinds"] if number in pictures],
+            picture=data_uri(pictures[one["name"]]) if one["name"] in pictures else None,
             rules=one["says"],
         )
         for one in meta(gallery).get("learned", ())

@@ -72,8 +72,8 @@ function introduce(run) {
   });
   $("map-card").hidden = !run.map;
   $("learned-card").hidden = !run.learned.length;
-  $("learned").replaceChildren(...run.learned.flatMap(({ name, moved, kinds, says }) => [
-    make("dt", moved ? `${name}: ${moved}, kinds ${kinds.join(", ")}` : name), ...says.map((one) => make("dd", one)),
+  $("learned").replaceChildren(...run.learned.flatMap(({ name, moved, says }) => [
+    make("dt", moved ? `${name}, ${moved}` : name), ...says.map((one) => make("dd", one)),
   ]));
   const keys = run.actions.map((name, i) => `${run.keys[i].map(keyName).join(" + ") || "nothing"}: ${name}`);
   text("keys", `Hold ${keys.join(" · ")}. While no key is held that means something, ${run.keys.some((k) => !k.length) ? "the game waits" : "the other one decides"}. Escape gives the joystick back.`);
