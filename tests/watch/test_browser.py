@@ -82,27 +82,29 @@ def waiter(browser):
     return lambda condition: waiting.WebDriverWait(browser, SECONDS, poll_frequency=0.05).until(lambda _: condition())
 
 
+def press(browser, selector, key="\n"):
+    """By key: what lies above may grow while a mouse is on its way, so that its click meets nothing."""
+    browser.find_element(CSS, selector).send_keys(key)
+
+
 def test_a_person_uses_the_page(browser, address):
     wait = waiter(browser)
 
     def text(name):
         return browser.find_element(ID, name).text
 
-    def click(name):
-        browser.find_element(ID, name).click()
-
     def decision():
         return int(text("decision").split()[0].replace("–", "-1"))
 
     browser.get(address)
     wait(lambda: decision() > 3)  # it plays by itself
-    click("play")
+    press(browser, "#play")
     wait(lambda: text("play") == "Play")
     time.sleep(0.3)
     stood = decision()
-    click("back")
+    press(browser, "#back")
     wait(lambda: decision() == stood - 1 and text("moment-says") == "1 back")
-    click("step")
+    press(browser, "#step")
     wait(lambda: decision() == stood and text("moment-says") == "newest")
     browser.find_element(TAG, "body").send_keys(".")
     wait(lambda: decision() == stood + 1)
@@ -128,9 +130,9 @@ def test_a_person_uses_the_page(browser, address):
     )
     assert not unnamed, "everything that can be used has a name"
 
-    click("person")
+    press(browser, "#person", " ")
     wait(lambda: browser.find_element(ID, "keys").is_displayed())
-    click("step")
+    press(browser, "#step")
     wait(lambda: text("by") in ("person", "agent"))
 
     browser.execute_cdp_cmd(
@@ -156,15 +158,11 @@ def test_a_person_teaches_it(browser, address, folder):
             field = browser.find_element(ID, name)
             field.clear()
             field.send_keys(value)
-        press(f"#{form} button")
-
-    def press(selector):
-        """By key: what lies above may grow while a mouse is on its way, so that its click meets nothing."""
-        browser.find_element(CSS, selector).send_keys("\n")
+        press(browser, f"#{form} button")
 
     browser.get(address)
     wait(lambda: text("play") == "Pause" and "autonomous" in text("words"))
-    press("#play")
+    press(browser, "#play")
     wait(lambda: text("play") == "Play")
     send("goal-form", goal="thing.x < -50")
     wait(lambda: "cannot be had" in text("goal-problem"))
@@ -176,22 +174,22 @@ def test_a_person_teaches_it(browser, address, folder):
     send("goal-form", goal="always(true)")
     wait(lambda: shown("goal-now") and "Sought for" in text("goal-says") and not shown("goal-problem"))
     assert browser.find_element(ID, "policy").get_attribute("value") == "planner"
-    press("#goal-drop")
+    press(browser, "#goal-drop")
     wait(lambda: not shown("goal-now"))
 
     send("class-form", **{"class-name": "High", "class-is": "thing.z < 3"})
     wait(lambda: "thing.z" in text("class-problem") or "number" in text("class-problem"))
-    browser.find_element(ID, "class-forbidden").send_keys(" ")
+    press(browser, "#class-forbidden", " ")
     send("class-form", **{"class-name": "High", "class-is": "thing.y < 60"})
     wait(lambda: "High thing.y < 60" in text("classes") and "forbidden" in text("classes"))
     wait(lambda: "High" in text("changed-says") and not shown("class-problem"))
     assert "forbidden class High" in text("edits")
-    browser.find_element(CSS, "#classes input").send_keys(" ")
+    press(browser, "#classes input", " ")
     wait(lambda: "off" in browser.find_element(CSS, "#classes li > span").text)
     send("fact-form", fact="disjoint(thing, autonomous)")
     wait(lambda: "nothing could be of the class" in text("fact-problem"))
     for left in ("One edit stands", "Nothing was added"):
-        press("#undo")
+        press(browser, "#undo")
         wait(lambda left=left: left in text("edits-says"))
     assert [edit.do for edit in read_log(folder)] == ["add", "disable", "undo", "undo"]
     assert not browser.find_elements(TAG, "img") and browser.title != "taken"
