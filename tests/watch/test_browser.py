@@ -66,6 +66,7 @@ def address(folder):
         socket.socket() as listening,
     ):
         listening.bind(("127.0.0.1", 0))
+        listening.listen()  # whoever comes before the server is ready waits
         port = listening.getsockname()[1]
         app = serving.make_app(Driver(session), token="t0ken", port=port)
         server = uvicorn.Server(uvicorn.Config(app, log_level="error", timeout_graceful_shutdown=1))
