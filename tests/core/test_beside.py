@@ -7,7 +7,7 @@ import threading
 import pytest
 
 from semrl.core import beside
-from semrl.core.beside import Started, in_turn
+from semrl.core.beside import Started, alone, in_turn
 
 
 @pytest.fixture(params=[1, 2])
@@ -34,6 +34,12 @@ def test_with_a_second_processor_both_go_on_at_once(monkeypatch):
     other = Started(met.wait)
     places = met.wait(), other.result()  # the barrier breaks after 20 seconds if one waits for the other
     assert sorted(places) == [0, 1]
+
+
+def test_a_process_that_is_to_work_alone_does_all_on_one_thread(monkeypatch):
+    monkeypatch.setattr(beside, "processors", lambda: 2)
+    with alone():
+        assert Started(threading.get_ident).result() == threading.get_ident()
 
 
 def test_what_has_not_begun_is_done_by_whoever_wants_it(monkeypatch):

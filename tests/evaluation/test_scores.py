@@ -71,10 +71,10 @@ def test_observers_see_every_step_and_episode(semantic_run):
     result = evaluate(
         semantic_run,
         episodes=2,
-        on_episode=totals.append,
+        on_episode=lambda total, decisions: totals.append((total, decisions)),
         on_step=lambda episode, step: steps.append((episode, step.total)),
     )
-    assert totals == result.returns
+    assert totals == list(zip(result.returns, result.lengths, strict=True))
     assert [dict(steps)[episode] for episode in (0, 1)] == result.returns  # the last step of each
     assert len(steps) == 2 * (45 + 1)  # five balls of nine decisions, and the first observation
 

@@ -4,12 +4,14 @@ import contextlib
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import tyro
 
 from semrl.cli.arguments import parse
 from semrl.cli.progress import PlayProgress, show_summary
+from semrl.core.beside import processors
 from semrl.core.strict_json import dumps
 from semrl.evaluation import evaluate
 from semrl.evaluation.player import Policy
@@ -51,6 +53,8 @@ class EvalArguments:
     """Play as the agent was after so many decisions: one of the run's milestones [default: as it is now]."""
     video: Path | None = None
     """Write the first episode, with its objects marked, as an .mp4 file: 30 decisions a second, 5 minutes at most."""
+    workers: int | None = None
+    """Processes that play [default: as many as there are processors]; what comes out is the same."""
     json: bool = False
     """Print one JSON object as the only line of standard output."""
 
@@ -61,21 +65,21 @@ def main(argv: Sequence[str]) -> None:
     config = RunFolder.open(arguments.run).config()
     episodes = config.evaluation.episodes if arguments.episodes is None else arguments.episodes
     returns: list[float] = []
-    decisions = 0
+    finished = 0
     with contextlib.ExitStack() as stack:
         record = stack.enter_context(recorder(arguments.run, arguments.video))
         progress = stack.enter_context(PlayProgress("evaluate", episodes, "episodes"))
 
         def on_step(episode: int, step: Step) -> None:
-            nonlocal decisions
             record(episode, step)
-            if step.action is not None:
-                decisions += 1
-                progress.update(len(returns), decisions, lambda: f"{last_returns(returns)}, this one {step.total:g}")
+            note = partial(_now, returns, step.total)
+            progress.update(len(returns), finished + step.number, note)
 
-        def on_episode(total: float) -> None:
+        def on_episode(total: float, decisions: int) -> None:
+            nonlocal finished
             returns.append(total)
-            progress.update(len(returns), decisions, lambda: f"{_mean(returns)}{last_returns(returns)}")
+            finished += decisions
+            progress.update(len(returns), finished, lambda: f"{_mean(returns)}{last_returns(returns)}")
 
         result = evaluate(
             arguments.run,
@@ -88,6 +92,7 @@ def main(argv: Sequence[str]) -> None:
             max_decisions=arguments.max_decisions,
             classes=arguments.classes,
             at=arguments.at,
+            workers=processors() if arguments.workers is None else arguments.workers,
             on_episode=on_episode,
             on_step=on_step,
         )
@@ -103,6 +108,10 @@ def main(argv: Sequence[str]) -> None:
         **_rewards(result.rewards[0]),
         **({"video": arguments.video} if arguments.video else {}),
     })  # fmt: skip
+
+
+def _now(returns: list[float], total: float) -> str:
+    return f"{last_returns(returns)}, this one {total:g}"
 
 
 def _mean(returns: Sequence[float]) -> str:

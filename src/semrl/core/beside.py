@@ -52,6 +52,20 @@ def in_turn(most_waiting: int) -> Iterator[Callable[[Callable[[], None]], None]]
             call.result()
 
 
+@contextlib.contextmanager
+def alone() -> Iterator[None]:
+    """Let this process work on one thread while the block lasts: other processes need the other processors."""
+    global _is_alone  # noqa: PLW0603 - of the process
+    before, _is_alone = _is_alone, True
+    try:
+        yield
+    finally:
+        _is_alone = before
+
+
+_is_alone = False
+
+
 def processors() -> int:
     """Return how many processors this process may use."""
     if hasattr(os, "sched_getaffinity"):
@@ -65,7 +79,7 @@ _workers: dict[int, ThreadPoolExecutor] = {}
 
 def _worker() -> ThreadPoolExecutor | None:
     """Return the thread of this process; None where it would have to share a processor with the caller."""
-    if processors() < 2:
+    if _is_alone or processors() < 2:
         return None
     if os.getpid() not in _workers:
         _workers.clear()

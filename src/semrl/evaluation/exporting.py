@@ -20,8 +20,9 @@ from semrl.core import Ints
 from semrl.core.errors import MissingExtraError, UsageError
 from semrl.core.files import make_folder
 from semrl.core.things import SLOT_NUMBERS
+from semrl.evaluation.games import ready_player
 from semrl.evaluation.player import Player, Policy
-from semrl.evaluation.scores import EVALUATION_SEED, ready_player
+from semrl.evaluation.scores import EVALUATION_SEED
 from semrl.training.loop import Step
 from semrl.training.session import limited_threads
 

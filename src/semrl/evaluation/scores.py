@@ -2,21 +2,17 @@
 
 import contextlib
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from semrl.core.errors import SemrlWarning, UsageError
+from semrl.evaluation.games import Asked, PlayedGame, play_games, ready_player
 from semrl.evaluation.kept import keep_result, warn_unwritable
-from semrl.evaluation.player import Player, Policy, load_player
-from semrl.evaluation.scene_classes import counting_classes
-from semrl.evaluation.shield import shielded
-from semrl.knowledge.edits import read_log
+from semrl.evaluation.player import Player, Policy
 from semrl.training.config import ClassesMode, EvaluationConfig
 from semrl.training.loop import Step
 from semrl.training.session import limited_threads
@@ -62,7 +58,8 @@ def evaluate(
     max_decisions: int | None = None,
     classes: ClassesMode | None = None,
     at: int | None = None,
-    on_episode: Callable[[float], None] = lambda _: None,
+    workers: int = 1,
+    on_episode: Callable[[float, int], None] = lambda _total, _decisions: None,
     on_step: Callable[[int, Step], None] = lambda _episode, _step: None,
 ) -> EvaluationResult:
     """Play a run greedily and write ``evaluation.json`` into its folder.
@@ -82,10 +79,14 @@ def evaluate(
         Who decides.
     at
         Decisions after which the run is tested: one of its milestones; as it is now when None.
+    workers
+        Processes that play, this one included; what comes out is the same. A script that asks for several must do so
+        under ``if __name__ == "__main__":``, since others begin by importing it.
     on_episode
-        Called with the return of each episode.
+        Called with return and decisions of each episode, in their order.
     on_step
-        Called with the number of the episode and every decision; for videos.
+        Called with the number of the episode and every decision of those that this process plays, the first among
+        them; for videos.
 
     Raises
     ------
@@ -103,59 +104,39 @@ def evaluate(
     """
     if (episodes is not None and episodes < 1) or (seed is not None and seed < 0):
         raise UsageError(f"episodes must be 1 or more and seed 0 or more, not {episodes} and {seed}")
+    if workers < 1:
+        raise UsageError(f"workers must be 1 or more, not {workers}")
     named: dict[str, Any] = {"exploration": exploration, "sticky_actions": sticky_actions, "variant": variant}
     named |= {"classes": classes}
     asked = {**named, "episodes": episodes, "max_decisions": max_decisions}
-    player = ready_player(run, policy, at, {name: value for name, value in asked.items() if value is not None})
+    conditions = {name: value for name, value in asked.items() if value is not None}
+    player = ready_player(run, policy, at, conditions)
     path = result_path(run, policy=policy, at=at, **named)
     warn_unwritable(path)
-    result = _played(run, player, policy, seed, on_episode=on_episode, on_step=on_step)
+    seed = player.config.seed + EVALUATION_SEED if seed is None else seed
+    games = Asked(run=str(run), policy=policy, at=at, conditions=tuple(conditions.items()), seed=seed)
+    result = _played(games, player, workers=workers, on_episode=on_episode, on_step=on_step)
     keep_result(path, asdict(result))
     return result
 
 
 def _played(
-    run: str | Path,
+    asked: Asked,
     player: Player,
-    policy: Policy,
-    seed: int | None,
     *,
-    on_episode: Callable[[float], None],
+    workers: int,
+    on_episode: Callable[[float, int], None],
     on_step: Callable[[int, Step], None],
 ) -> EvaluationResult:
     """Play the episodes of an evaluation; see `evaluate`."""
-    seed = player.config.seed + EVALUATION_SEED if seed is None else seed
-    games: list[_Game] = []
+    workers = 1 if player.classes else workers  # what they changed is counted here
     with limited_threads(player.config.threads), contextlib.closing(player.new_env()) as env:
-        for episode in range(player.config.evaluation.episodes):
-            games.append(_game(player.episode(episode, seed, policy, env), partial(on_step, episode)))
-            on_episode(games[-1].total)
+        games = play_games(asked, player, env, workers=workers, on_episode=on_episode, on_step=on_step)
         world = World.of(env, player.config.environment)
-    return _summed_up(run, policy, games, _conditions(player, seed, world, games))
+    return _summed_up(asked.run, asked.policy, games, _conditions(player, asked.seed, world, games))
 
 
-def ready_player(
-    run: str | Path, policy: Policy, at: int | None = None, conditions: Mapping[str, Any] = MappingProxyType({})
-) -> Player:
-    """Load who is to play as in an evaluation, and check that it can.
-
-    Raises
-    ------
-    UsageError
-        When there is no such run or milestone, it has not learned to see, or it has no planner that is asked for.
-    """
-    memory = conditions.get("classes", "off") != "off" or bool(read_log(Path(run)))  # classes are learned from it
-    player = load_player(run, at, memory=memory).under(**conditions)
-    if player.perceiving:
-        raise UsageError(
-            f"{run} has not learned to see yet, so there is no agent to play with: it needs more decisions"
-        )
-    if policy == "planner":
-        player.require_predictions(run)
-    return shielded(counting_classes(player, run), run)
-
-
-def _conditions(player: Player, seed: int, world: World, games: Sequence["_Game"]) -> dict[str, Any]:
+def _conditions(player: Player, seed: int, world: World, games: Sequence[PlayedGame]) -> dict[str, Any]:
     """Return who was tested how, and warn of episodes that were cut."""
     cut = [number for number, game in enumerate(games) if game.is_cut]
     if cut:
@@ -183,24 +164,6 @@ def _warn_of_cuts(cut: Sequence[int], tested: EvaluationConfig) -> None:
     )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class _Game:
-    total: float
-    decisions: int
-    rewards: list[tuple[int, float]]
-    is_cut: bool
-
-
-def _game(steps: Iterator[Step], on_step: Callable[[Step], None]) -> _Game:
-    """Play an episode to its end."""
-    rewards = []
-    for step in steps:
-        if step.reward:
-            rewards.append((step.number - 1, step.reward))
-        on_step(step)
-    return _Game(total=step.total, decisions=step.number, rewards=rewards, is_cut=not step.done)
-
-
 def result_path(
     run: str | Path,
     *,
@@ -221,7 +184,9 @@ def result_path(
     return Path(run) / f"{'-'.join(['evaluation', *parts])}.json"
 
 
-def _summed_up(run: str | Path, policy: Policy, games: Sequence[_Game], conditions: dict[str, Any]) -> EvaluationResult:
+def _summed_up(
+    run: str | Path, policy: Policy, games: Sequence[PlayedGame], conditions: dict[str, Any]
+) -> EvaluationResult:
     returns = [game.total for game in games]
     return EvaluationResult(
         run=str(run),

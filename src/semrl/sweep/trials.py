@@ -48,16 +48,19 @@ class Trial:
     def hold(self, run: Path) -> None:
         """Play; a line every half minute goes into the log of the run."""
         returns: list[float] = []
-        decisions = 0
+        finished = 0
         lines = ProgressLines(partial(append_line, RunFolder(run).log_path))
 
         def on_step(_episode: int, step: Step) -> None:
-            nonlocal decisions
-            decisions += step.action is not None
-            note = partial(last_returns, returns)
+            decisions, note = finished + step.number, partial(last_returns, returns)
             lines.update(self.name, len(returns), self.episodes, unit="episodes", decisions=decisions, note=note)
 
-        evaluate(run, **asdict(self), on_episode=returns.append, on_step=on_step)
+        def on_episode(total: float, decisions: int) -> None:
+            nonlocal finished
+            returns.append(total)
+            finished += decisions
+
+        evaluate(run, **asdict(self), on_episode=on_episode, on_step=on_step)
         lines.close()
 
 
