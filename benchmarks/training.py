@@ -37,8 +37,8 @@ from rich.table import Table
 from semrl.agents import DQN
 from semrl.agents.replay import ReplayBuffer
 from semrl.training import RunFolder, build_trainer, preset
+from semrl.training.checkpoint import Checkpoint
 from semrl.training.config import MODELS
-from semrl.training.folder import Checkpoint
 from semrl.training.session import limited_threads
 from semrl.training.trainer import Trainer
 from semrl_thesis.sweep import PIXELS

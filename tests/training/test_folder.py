@@ -7,7 +7,7 @@ from semrl.core.arrays import digest, json_to_array
 from semrl.core.errors import SemrlError, UsageError
 from semrl.core.files import write_arrays
 from semrl.training import RunConfig, RunFolder, folder
-from semrl.training.folder import FORMAT, Checkpoint
+from semrl.training.checkpoint import FORMAT, Checkpoint
 
 
 def checkpoint(decisions):

@@ -12,30 +12,16 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from semrl.core.arrays import Arrays, array_to_json, json_to_array
 from semrl.core.errors import SemrlError, UsageError
-from semrl.core.files import locked, make_folder, read_arrays, write_arrays, write_text
+from semrl.core.files import locked, make_folder, read_arrays, write_text
 from semrl.core.strict_json import dumps
+from semrl.training.checkpoint import FORMAT, Checkpoint, read_meta, write_checkpoint
 
 if TYPE_CHECKING:
     from semrl.training.config import RunConfig
 
-FORMAT = 2
-"""Number of the layout of run folders; raised when older ones can no longer be read."""
-
 KEPT_CHECKPOINTS = 2
 _PROVENANCE = ("semrl", "ale-py", "gymnasium", "numpy", "opencv-python-headless", "scikit-learn", "torch")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Checkpoint:
-    """The whole state of a run at one decision, and what belongs beside it."""
-
-    arrays: Arrays
-    metrics_rows: int
-    seconds: float
-    playable: frozenset[str]
-    """Names of the arrays that are enough to play."""
 
 
 @dataclass(frozen=True)
@@ -168,8 +154,8 @@ class RunFolder:
 
     def save(self, checkpoint: Checkpoint, *, keep: int = KEPT_CHECKPOINTS) -> Path:
         """Write a checkpoint, then remove the ones before the last few."""
-        path = self.path / "checkpoints" / _file_name(checkpoint)
-        _write(path, checkpoint)
+        path = self.path / "checkpoints" / checkpoint.file_name
+        write_checkpoint(path, checkpoint)
         for old in self.checkpoints()[:-keep]:
             old.unlink()
         return path
@@ -181,7 +167,7 @@ class RunFolder:
     def save_milestone(self, checkpoint: Checkpoint) -> None:
         """Keep what is needed to play, for good."""
         make_folder(self.path / "milestones")
-        _write(self.path / "milestones" / _file_name(checkpoint), checkpoint)
+        write_checkpoint(self.path / "milestones" / checkpoint.file_name, checkpoint)
 
     def load(
         self, at: int | None = None, *, prefix: str = "", play_only: bool = False, memory: bool = False
@@ -202,7 +188,7 @@ class RunFolder:
         if not paths:
             return None
         try:
-            meta = _read_meta(paths[-1])
+            meta = read_meta(paths[-1])
             wanted = (*meta["playable"], *(("planning/",) if memory else ())) if play_only else (prefix,)
             arrays = read_arrays(paths[-1], prefixes=wanted)
             arrays.pop("meta", None)
@@ -261,32 +247,6 @@ class RunFolder:
             *self.path.glob("milestones/*.tmp"),
         ]:
             left.unlink()
-
-
-def _file_name(checkpoint: Checkpoint) -> str:
-    return f"{int(checkpoint.arrays['decisions']):010d}.npz"
-
-
-def _write(path: Path, checkpoint: Checkpoint) -> None:
-    """Write arrays and, as one more of them, what belongs beside them."""
-    meta = {
-        "format": FORMAT,
-        "metrics_rows": checkpoint.metrics_rows,
-        "seconds": checkpoint.seconds,
-        "playable": sorted(checkpoint.playable),
-    }
-    write_arrays(path, {"meta": json_to_array(meta), **checkpoint.arrays})
-
-
-def _read_meta(path: Path) -> dict[str, Any]:
-    """Read what belongs beside a checkpoint's arrays."""
-    try:
-        meta = array_to_json(read_arrays(path, prefixes=("meta",))["meta"])
-        if meta["format"] != FORMAT:
-            raise UsageError(f"{path} has format {meta['format']}; this semrl reads format {FORMAT}")
-        return {name: meta[name] for name in ("metrics_rows", "seconds", "playable")}
-    except (KeyError, TypeError, ValueError):
-        raise SemrlError(f"{path} is no checkpoint: what it says of itself is missing") from None
 
 
 def _provenance(config: "RunConfig") -> dict[str, Any]:

@@ -24,8 +24,9 @@ from semrl.envs.actions import Env
 from semrl.envs.environment import blinking
 from semrl.envs.flicker import BLINKING
 from semrl.envs.repeating import repeats_itself
+from semrl.training.checkpoint import Checkpoint
 from semrl.training.config import RunConfig
-from semrl.training.folder import Checkpoint, RunFolder
+from semrl.training.folder import RunFolder
 from semrl.training.metrics import MetricsFile
 from semrl.training.parts import build_trainer
 from semrl.training.progress_lines import TrainingLines, append_line

@@ -10,6 +10,7 @@ from semrl.perception.encoders.classes import look_at_classes
 from semrl.perception.encoders.single_frames import SingleFrames
 from semrl.perception.encoders.through import ThroughPerception
 from semrl.perception.perception import Perception
+from semrl.perception.pretraining.embedding_stages import embedder_stages
 from semrl.perception.pretraining.stability import StabilityConfig
 from semrl.perception.pretraining.stages import (
     ClustererStage,
@@ -17,7 +18,6 @@ from semrl.perception.pretraining.stages import (
     ReducerStage,
     SceneryStage,
     Stage,
-    embedder_stages,
 )
 
 

@@ -9,8 +9,9 @@ from semrl.core.arrays import Arrays
 from semrl.perception.encoders.objects import TrackedEpisode, listed_space, tracking_stages
 from semrl.perception.encoders.through import ThroughPerception
 from semrl.perception.perception import Perception
+from semrl.perception.pretraining.embedding_stages import embedder_stages
 from semrl.perception.pretraining.stability import StabilityConfig
-from semrl.perception.pretraining.stages import Stage, embedder_stages
+from semrl.perception.pretraining.stages import Stage
 
 
 class TrackedSceneEncoder(ThroughPerception):
