@@ -48,6 +48,15 @@ def test_the_keys_of_json_are_documented(call, ram_map_run, tmp_path, command):
     assert told.keys() == documented(name)
 
 
+def test_rules_are_printed_with_how_they_did_in_new_play(call, tracked_run):
+    printed = call("rules", tracked_run, "--check", 40).out
+    assert "agrees with the world model in" in printed
+    assert "agrees with" not in call("rules", tracked_run, "--check", 0).out
+    told = only_json(call("rules", tracked_run, "--check", 40, "--json"))
+    assert told.keys() == documented("rules") and told["checks"]
+    assert {"agreed", "right", "world_model_right"} < told["checks"][0].keys()
+
+
 def test_the_keys_of_training_and_evaluation_are_documented():
     assert documented("train") == TRAIN_KEYS and documented("eval") == EVAL_KEYS
     assert documented("reproduce") == {"page", "results"}

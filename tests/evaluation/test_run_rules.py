@@ -4,7 +4,8 @@ import pytest
 
 from semrl.core.errors import UsageError
 from semrl.evaluation.player import load_player
-from semrl.evaluation.rules import learned_of, load_rules
+from semrl.evaluation.rule_check import check_rules
+from semrl.evaluation.rules import learned_of, load_rules, with_checks
 from semrl.world_model.rules import sentence
 from semrl.world_model.tree_world import RETURN, REWARD
 
@@ -34,6 +35,28 @@ def test_where_things_are_followed_rules_are_about_concepts(tracked_run):
     assert all(about.moved for about in learned if about.name in concepts)
     by_trees = load_rules(tracked_run, trees=True)
     assert by_trees and not any(rule.claim for rule in by_trees)
+
+
+def test_rules_about_concepts_are_checked_in_new_play(tracked_run):
+    player = load_player(tracked_run)
+    found, checks = load_rules(tracked_run), check_rules(player, decisions=80)
+    assert checks == check_rules(load_player(tracked_run), decisions=80)
+    assert sum(check.rules for check in checks) == len(
+        player.planning.concept_rules.rules(player.action_names, most=99)
+    )
+    assert any(check.decisions > 20 for check in checks)
+    for check in checks:
+        parts = check.agreed, check.right, check.world_model_right, check.came
+        assert max(parts) <= check.decisions and max(check.right_of_came, check.world_model_right_of_came) <= check.came
+    told = learned_of(player, checks)
+    shown = [check for _, check in with_checks(found, checks) if check]
+    assert 0 < len(shown) <= len(checks)
+    assert [one for about in told for one in about.says if one == str(shown[0])]
+    assert sum(len(about.says) for about in told) == len(found) + len(shown)
+
+
+def test_where_nothing_is_followed_there_is_nothing_to_check(ram_map_run, semantic_run):
+    assert check_rules(load_player(ram_map_run)) == [] == check_rules(load_player(semantic_run))
 
 
 def test_networks_have_no_rules_to_read(map_run, semantic_run):

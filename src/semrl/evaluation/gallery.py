@@ -16,6 +16,7 @@ from semrl.core.files import write_arrays
 from semrl.core.things import LEFT
 from semrl.envs import Game
 from semrl.evaluation.player import Player, load_player
+from semrl.evaluation.rule_check import check_rules
 from semrl.evaluation.rules import learned_of
 from semrl.evaluation.sight import CLASS_COLOURS, look
 from semrl.perception.detection import OtsuDetector
@@ -71,7 +72,7 @@ def save_gallery(run: Path, seed: int) -> Path:
         "seed": seed,
         "decisions": player.decisions,
         "played": GALLERY_DECISIONS,
-        "learned": [asdict(one) for one in learned_of(player)],
+        "learned": [asdict(one) for one in learned_of(player, check_rules(player))],
     }
     learned = _learned(player.encoder.perception, counts) if player.encoder.perception else {}
     path = Path(run) / "gallery.npz"

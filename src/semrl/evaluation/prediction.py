@@ -91,7 +91,7 @@ def world_model_accuracy(
     facts: Spans = {horizon: [] for horizon in HORIZONS}
     confusion = np.zeros((3, 3), np.int64)
     with limited_threads(player.config.threads), contextlib.closing(player.new_env()) as env:
-        for steps in _episodes(partial(player.episode, seed=seed, policy=policy, env=env), decisions, on_step):
+        for steps in played(partial(player.episode, seed=seed, policy=policy, env=env), decisions, on_step):
             _compare(world, steps, facts, confusion)
         vectors: Spans = _embedded(player.encoder, facts) if isinstance(player.encoder, TrackedSceneEncoder) else {}
     conditions = {"learned_from": player.decisions, "seed": seed, "policy": policy, "exploration": PROBING}
@@ -113,7 +113,7 @@ def balanced_accuracy(confusion: NDArray[np.int64]) -> float:
     return float((confusion.diagonal()[came > 0] / came[came > 0]).mean())
 
 
-def _episodes(
+def played(
     play: Callable[[int], Iterator[Step]], decisions: int, on_step: Callable[[Step], None]
 ) -> Iterator[Sequence[Step]]:
     """Play so many decisions; yield the steps of each episode."""

@@ -1,11 +1,13 @@
 """The rules by which a run predicts, for those who want to check them."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 from pathlib import Path
 
 from semrl.core.errors import UsageError
 from semrl.evaluation.player import Player, load_player
+from semrl.world_model.lifted.checking import Check
 from semrl.world_model.protocol import RuleBased, RulesThatFire
 from semrl.world_model.rules import Rule, RuleBook, sentence
 
@@ -66,20 +68,36 @@ class Learned:
     says: list[str] = field(default_factory=list)
 
 
-def learned_of(player: Player) -> list[Learned]:
-    """Return the rules about concepts, those of each together; none where things are not followed."""
+def with_checks(rules: Sequence[Rule], checks: Sequence[Check]) -> Iterator[tuple[Rule, Check | None]]:
+    """Yield every rule and, with the last of each list that is here, how it did; checks are in the order of lists."""
+    of = {about: list(mine) for about, mine in groupby(checks, key=lambda check: check.about)}
+    for about, group in groupby(rules, key=lambda rule: rule.about):
+        mine, waiting = list(group), list(of.get(about, ()))
+        left = waiting[0].rules if waiting else 0
+        for i, rule in enumerate(mine):
+            left -= 1
+            ends = bool(waiting) and (left == 0 or i == len(mine) - 1)
+            yield rule, waiting.pop(0) if ends else None
+            left = waiting[0].rules if ends and waiting else left
+
+
+def learned_of(player: Player, checks: Sequence[Check] = ()) -> list[Learned]:
+    """Return the rules about concepts, those of each together, and checks of them; none where nothing is followed."""
     if player.planning is None:
         return []
     table = player.planning.concepts.table_
     found: dict[str, Learned] = {}
-    for rule in player.planning.concept_rules.rules(player.action_names):
+    for rule, check in with_checks(player.planning.concept_rules.rules(player.action_names), checks):
         name = rule.about.rsplit(" ", 1)[0]  # without the velocity
         if name in table.names:
             number = table.names.index(name)
             new = Learned(name=name, moved="controlled" if table.controlled[number] else "autonomous")
         else:
             new = Learned(name=rule.about)
-        found.setdefault(new.name, new).says.append(sentence(rule))
+        says = found.setdefault(new.name, new).says
+        says.append(sentence(rule))
+        if check:
+            says.append(str(check))
     return list(found.values())
 
 

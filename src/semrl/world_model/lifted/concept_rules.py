@@ -7,12 +7,16 @@ from itertools import groupby, islice
 import numpy as np
 
 from semrl.concepts import Concepts
-from semrl.core import Trajectory
+from semrl.core import Ints, Trajectory
 from semrl.core.arrays import Arrays
 from semrl.core.errors import UsageError
-from semrl.world_model.lifted.decision_lists import About, joined_lists, read_lists
+from semrl.world_model.lifted.checking import Check, Told, check_list
+from semrl.world_model.lifted.decision_lists import DecisionList, joined_lists, read_lists
+from semrl.world_model.lifted.features import Kinds
 from semrl.world_model.lifted.play import Play
 from semrl.world_model.lifted.relations import counts_of, relations_of
+from semrl.world_model.lifted.samples import samples_of
+from semrl.world_model.lifted.vocabulary import About
 from semrl.world_model.rules import Rule
 
 NEWEST_DECISIONS = 20_000
@@ -21,8 +25,9 @@ NEWEST_DECISIONS = 20_000
 _RARE = 0.02
 """Share of the decisions in which a concept must have been seen, to have rules of its own."""
 
-_FAMILIES = 4
-"""Most families of things that move and that others are related to."""
+_FAMILIES, _FAMILIES_OF_STEERED = 4, 16
+"""Most families of things that move and that others are related to, and that what actions move is: what befalls it may
+come from each of many, as from the cars on a road."""
 
 
 class ConceptRules:
@@ -45,7 +50,7 @@ class ConceptRules:
     def __init__(self, concepts: Concepts) -> None:
         self.concepts = concepts
         self.play = Play(NEWEST_DECISIONS)
-        self._lists: list[Rule] | None = None
+        self._lists: list[DecisionList] | None = None
 
     def partial_fit(self, trajectory: Trajectory) -> None:
         """Remember an episode."""
@@ -71,9 +76,24 @@ class ConceptRules:
         if most < 1:
             raise UsageError(f"at least one rule must be asked for, not {most}")
         found: list[Rule] = []
-        for about, group in groupby(self._read(), key=lambda rule: rule.about):
+        read = (rule for one in self._read() for rule in one.rules)
+        for about, group in groupby(read, key=lambda rule: rule.about):
             found += [_with_names(rule, about, actions) for rule in islice(group, most)]
         return found
+
+    def check(self, told: Sequence[Told]) -> list[Check]:
+        """Compare every list with what came, and with what a world model predicted, in play that is new to it.
+
+        Parameters
+        ----------
+        told
+            Episodes, with what was predicted at each decision.
+        """
+        play = Play(sum(len(one.trajectory.states) for one in told))
+        for one in told:
+            play.add(one.trajectory)
+        objects = play.objects(self.concepts)
+        return [check_list(one, play, objects, told) for one in self._read()] if len(play) else []
 
     def to_arrays(self) -> Arrays:
         """Return what is remembered."""
@@ -84,30 +104,39 @@ class ConceptRules:
         self.play.from_arrays(arrays)
         self._lists = None
 
-    def _read(self) -> list[Rule]:
+    def _read(self) -> list[DecisionList]:
         if self._lists is None:
             self._lists = read_play(self.play, self.concepts) if self.concepts.is_fitted and len(self.play) else []
         return self._lists
 
 
-def read_play(play: Play, concepts: Concepts) -> list[Rule]:
+def read_play(play: Play, concepts: Concepts) -> list[DecisionList]:
     """Read the rules of all concepts that move from some play; an action is written ``#number``."""
-    table, alike = concepts.table_, concepts.families_
     objects = play.objects(concepts)
-    kinds, numbers = relations_of(concepts, objects, _FAMILIES)
-    families = [
-        " or ".join(table.names[k] for k in np.flatnonzero((kinds.relation_of >= 0) & (alike == alike[number])))
-        for number in numbers
-    ]
     counts = counts_of(objects, len(concepts))
     n_actions = int(play.actions.max(initial=-1)) + 1
+    common = counts >= _RARE * len(play)
     lists = []
-    common = np.flatnonzero(kinds.moving & (counts >= _RARE * len(play)))
-    for number in sorted(common.tolist(), key=lambda c: -counts[c]):
-        seen = play.rows(objects, number, kinds, discount=1.0)
-        about = About(table.names[number], families, bool(kinds.controlled[number]))
-        lists.append(read_lists(*seen, about, n_actions))
-    return joined_lists(lists)
+    for controlled, most in ((False, _FAMILIES), (True, _FAMILIES_OF_STEERED)):
+        kinds, numbers = relations_of(concepts, objects, most)
+        for number in np.flatnonzero(common & kinds.moving & (kinds.controlled == controlled)).tolist():
+            rows, targets, *_ = samples_of(play, objects, number, kinds)
+            about = _about(number, kinds, numbers, concepts)
+            lists.append((counts[number], read_lists(rows, targets, about, n_actions)))
+    return joined_lists([mine for _, mine in sorted(lists, key=lambda one: -one[0])])
+
+
+def _about(number: int, kinds: Kinds, families: Ints, concepts: Concepts) -> About:
+    """Name a concept and the families that it is related to."""
+    names, alike = concepts.table_.names, concepts.families_
+    members = [np.flatnonzero((kinds.relation_of >= 0) & (alike == alike[family])) for family in families]
+    return About(
+        concept=number,
+        name=names[number],
+        kinds=kinds,
+        families=[" or ".join(names[k] for k in mine) for mine in members],
+        autonomous=[bool((kinds.moving & ~kinds.controlled)[mine].all()) for mine in members],
+    )
 
 
 def _with_names(rule: Rule, about: str, actions: Sequence[str]) -> Rule:

@@ -5,56 +5,60 @@ fixed vocabulary are chosen one after the other, each for what those before it l
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semrl.core import Floats
-from semrl.world_model.lifted.features import ACTION, N_OWN, N_RELATION, TOUCHING_NEXT
-from semrl.world_model.lifted.play import LATER_VX
+from semrl.world_model.lifted.events import (
+    FEWEST,
+    LATE,
+    REWARD,
+    Came,
+    Event,
+    came_as_reward,
+    came_as_steered,
+    rewards_by,
+    turns_of,
+    upsets_of,
+)
+from semrl.world_model.lifted.steering import effects_of, moves, steered_by
+from semrl.world_model.lifted.vocabulary import About, Mask, Vocabulary
 from semrl.world_model.rules import Rule
 
-REWARD = "the reward"
-"""What rules about it are about."""
-
-LEAST_SPEED_PX = 0.3
-"""A decision: what is slower along an axis does not turn there."""
-
-SAME_PX = 1.0
-"""A decision: velocities that differ by less are the same, to people."""
-
 _MOST_ROWS = 20_000  # the newest, that rules are read from
-_FEWEST = 3  # times that a condition must have been right
 _LEAST_WORTH, _LEAST_PRECISION = 0.15, 0.3
 _TRIVIAL = 0.9  # share of the rows: what holds more often says nothing
-_EDGE_PX, _FARTHEST = 1.0, 0.9995  # share of the places beyond an edge: some are mistakes
 _OTHERWISE = ("otherwise",)
-_PRECISION = 0.5  # what recall counts against precision
+_PRECISION = 0.7  # what recall counts against precision
+_SECOND_LITERAL = 0.05  # by so much a condition of two must be worth more than one of one
 
-Mask = NDArray[np.bool_]
-
-
-class About(NamedTuple):
-    """A concept of which rules are read, and what it is related to."""
-
-    name: str
-    families: Sequence[str]
-    controlled: bool
+Literals = dict[str, Mask]
 
 
-class _Event(NamedTuple):
-    """What is to be explained, of the rows where it could have been."""
+@dataclass(frozen=True, kw_only=True, slots=True)
+class DecisionList:
+    """Rules about what may come, the first whose conditions hold counts, and what they say of other play."""
 
     about: str
-    claim: str
-    value: float
-    possible: Mask
-    happened: Mask
-    most: int
+    rules: tuple[Rule, ...]
+    came: Came
+    vocabulary: Vocabulary
+    codes: tuple[float, ...] = ()
+    """What each of the rules but an "otherwise" says that comes, as `came` has it; none: each says 1, of every row."""
+
+    def says(self, rows: Floats) -> Floats:
+        """Return what it says that comes of ``(n, f)`` rows, ``(n,)``."""
+        if not self.codes:
+            return np.ones(len(rows), np.float32)
+        literals = self.vocabulary.literals(rows)
+        said = np.zeros(len(rows), np.float32)
+        for rule, code in reversed(list(zip(self.rules, self.codes, strict=False))):
+            said[np.logical_and.reduce([literals[name] for name in rule.conditions])] = code
+        return said
 
 
-def read_lists(rows: Floats, targets: Floats, about: About, n_actions: int) -> list[Rule]:
+def read_lists(rows: Floats, targets: Floats, about: About, n_actions: int) -> list[DecisionList]:
     """Read rules from what was seen of the things of one concept; an action is written ``#number``.
 
     Parameters
@@ -68,97 +72,91 @@ def read_lists(rows: Floats, targets: Floats, about: About, n_actions: int) -> l
     n_actions
         Number of actions.
     """
-    moving = np.abs(rows[:, :2]).max(axis=1) >= LEAST_SPEED_PX
-    rows, targets = rows[moving][-_MOST_ROWS:], targets[moving][-_MOST_ROWS:]
-    if len(rows) < 2 * _FEWEST:
+    kept = moves(rows) | about.controlled
+    rows, targets = rows[kept][-_MOST_ROWS:], targets[kept][-_MOST_ROWS:]
+    moving = moves(rows)
+    if moving.sum() < 2 * FEWEST:
         return []
-    literals = _literals(rows, about)
-    rules = _rewards(targets, about, literals)
+    vocabulary = Vocabulary(about, rows[moving])
+    literals = {name: mask for name, mask in vocabulary.literals(rows).items() if mask[moving].mean() < _TRIVIAL}
+    lists = _rewards(rows, targets, vocabulary, literals)
     if about.controlled:
-        return [*rules, *_effects(rows, targets, about, n_actions)]
-    return [*rules, *(rule for event in _turns(rows, targets, about) for rule in _list(event, literals))]
+        steered = steered_by(rows, targets, n_actions)
+        effects = tuple(effects_of(about.name, steered, rows, targets))
+        did = came_as_steered(steered)
+        lists += [
+            DecisionList(about=rule.about, rules=effects, came=did, vocabulary=vocabulary) for rule in effects[:1]
+        ]
+        events = upsets_of(about.name, steered, rows, targets)
+    else:
+        events = turns_of(about.name, rows, targets)
+    found = [_list(event, rows, targets, vocabulary, literals) for event in events]
+    return lists + [one for one in found if one.rules]
 
 
-def joined_lists(lists: Sequence[Sequence[Rule]]) -> list[Rule]:
-    """Join the rules of several concepts; first, and of rewards alone, the one that explains them best."""
+def joined_lists(lists: Sequence[Sequence[DecisionList]]) -> list[DecisionList]:
+    """Join the lists of several concepts; first, and of rewards alone, the one that explains them best."""
 
-    def explained(rules: Sequence[Rule]) -> float:
-        said = [rule for rule in rules if rule.about == REWARD and rule.conditions != _OTHERWISE]
+    def explained(mine: Sequence[DecisionList]) -> float:
+        said = [rule for one in mine if one.about == REWARD for rule in one.rules if rule.conditions != _OTHERWISE]
         return sum((rule.right or 0) ** 2 / max(rule.decisions, 1) for rule in said)
 
     best = max(range(len(lists)), key=lambda i: explained(lists[i]), default=-1)
-    rewards = [rule for rule in lists[best] if rule.about == REWARD] if best >= 0 else []
+    rewards = [one for one in lists[best] if one.about == REWARD] if best >= 0 else []
     ordered = sorted(range(len(lists)), key=lambda i: i != best)
-    return rewards + [rule for i in ordered for rule in lists[i] if rule.about != REWARD]
+    return rewards + [one for i in ordered for one in lists[i] if one.about != REWARD]
 
 
-def _literals(rows: Floats, about: About) -> dict[str, Mask]:
-    """Return what may be said of each row."""
-    said: dict[str, Mask] = {}
-    for k, (name, outwards) in enumerate((("left", -1), ("top", -1), ("right", 1), ("bottom", 1))):
-        farthest = outwards * np.quantile(outwards * rows[:, 6 + k], _FARTHEST)
-        said[f"it is beyond its {name} edge next"] = outwards * (rows[:, 10 + k] - farthest) >= -_EDGE_PX
-    for k, family in enumerate(about.families):
-        begin = N_OWN + N_RELATION * k
-        part = rows[:, begin : begin + N_RELATION]
-        said[f"it touches {family} next"] = part[:, TOUCHING_NEXT] > 0.5
-        there = part[:, 0] > 0.5
-        said[f"no {family} is level with it"] = ~there | (part[:, 2] > 0)
-    for name, axis in (("to the right", 0), ("down", 1)):
-        said[f"it goes {name}"] = rows[:, axis] > 0
-    return {name: mask for name, mask in said.items() if mask.mean() < _TRIVIAL}
-
-
-def _rewards(targets: Floats, about: About, literals: dict[str, Mask]) -> list[Rule]:
+def _rewards(rows: Floats, targets: Floats, vocabulary: Vocabulary, literals: Literals) -> list[DecisionList]:
     """Say what brings gains, what losses, and how often there was neither otherwise."""
+    name, came = vocabulary.about.name, came_as_reward(rows, targets)
     rules: list[Rule] = []
-    left = np.ones(len(targets), np.bool_)
-    for sign in (1, -1):
-        happened = targets[:, 3] == sign
-        if happened.sum() >= _FEWEST - 1:
-            chosen, left = _chosen(_Event(REWARD, f"{sign:+d} by {about.name}", sign, left, happened, 1), literals)
-            rules += chosen
-    neither = _Event(REWARD, f"none by {about.name}", 0.0, left, targets[:, 3] == 0, 0)
-    return [*rules, _rule(neither, _OTHERWISE, left)] if rules and left.any() else rules
+    codes: list[float] = []
+    left = ~np.isnan(came)
+    for event in rewards_by(name, came):
+        chosen, left = _chosen(event, came, left, literals)
+        rules, codes = rules + chosen, codes + [event.code] * len(chosen)
+    if not rules:
+        return []
+    rules += _otherwise(Event(REWARD, f"none by {name}", 0.0, came_as_reward, 0, 0), came, left)
+    return [
+        DecisionList(about=REWARD, rules=tuple(rules), came=came_as_reward, vocabulary=vocabulary, codes=tuple(codes))
+    ]
 
 
-def _turns(rows: Floats, targets: Floats, about: About) -> list[_Event]:
-    """Return which turns are to be explained of a concept: how its velocities change sign."""
-    events = []
-    for axis, name in enumerate(("vx", "vy")):
-        before, after = rows[:, axis], targets[:, LATER_VX + axis]
-        possible = ~np.isnan(after) & (np.abs(before) >= LEAST_SPEED_PX)
-        turned = possible & (np.sign(after) == -np.sign(before))
-        mirrored = turned & (np.abs(after + before) <= SAME_PX)
-        exact = 2 * mirrored.sum() > turned.sum()
-        claim = f"{name} := −{name}" if exact else f"{name} turns"
-        events.append(_Event(f"{about.name} {name}", claim, -1.0, possible, mirrored if exact else turned, 3))
-    return [event for event in events if event.happened.sum() >= _FEWEST - 1]
-
-
-def _list(event: _Event, literals: dict[str, Mask]) -> list[Rule]:
+def _list(event: Event, rows: Floats, targets: Floats, vocabulary: Vocabulary, literals: Literals) -> DecisionList:
     """Choose conditions, and say what is left of the event otherwise."""
-    rules, left = _chosen(event, literals)
-    return [*rules, _rule(event, _OTHERWISE, left)] if rules and left.any() else rules
+    came = event.came(rows, targets)
+    rules, left = _chosen(event, came, ~np.isnan(came), literals)
+    codes = (event.code,) * len(rules)
+    rules += _otherwise(event, came, left) if rules else []
+    return DecisionList(about=event.about, rules=tuple(rules), came=event.came, vocabulary=vocabulary, codes=codes)
 
 
-def _chosen(event: _Event, literals: dict[str, Mask]) -> tuple[list[Rule], Mask]:
+def _chosen(event: Event, came: Floats, left: Mask, literals: Literals) -> tuple[list[Rule], Mask]:
     """Choose conditions one after the other, each for what those before it left; return what all of them leave."""
     rules: list[Rule] = []
-    left = event.possible.copy()
     while len(rules) < event.most:
+        open_for = [(_worth(came[left], event.code, mask[left]), said, mask) for said, mask in _conditions(literals)]
         worth, best, mask = max(
-            ((_worth(left & mask, left & event.happened), said, mask) for said, mask in _conditions(literals)),
-            key=lambda one: (one[0], -len(one[1])),
+            open_for, key=lambda one: one[0] - _SECOND_LITERAL * (len(one[1]) - 1), default=(0.0, (), left)
         )
         if worth < _LEAST_WORTH:
             break
-        rules.append(_rule(event, best, left & mask))
-        left &= ~mask
+        covered = left & mask
+        right = np.sign(came[covered]) == np.sign(event.code)
+        rules.append(_rule(event, best, right))
+        left = left & ~mask
     return rules, left
 
 
-def _conditions(literals: dict[str, Mask]) -> list[tuple[tuple[str, ...], Mask]]:
+def _otherwise(event: Event, came: Floats, left: Mask) -> list[Rule]:
+    """Say how often the event came where no condition held; what came late there was not missed yet."""
+    rest = came[left & (np.abs(came) != LATE)]
+    return [_rule(event, _OTHERWISE, rest == event.code)] if len(rest) else []
+
+
+def _conditions(literals: Literals) -> list[tuple[tuple[str, ...], Mask]]:
     """Return every literal, and every two of them."""
     names = list(literals)
     single: list[tuple[tuple[str, ...], Mask]] = [((name,), literals[name]) for name in names]
@@ -166,54 +164,20 @@ def _conditions(literals: dict[str, Mask]) -> list[tuple[tuple[str, ...], Mask]]
     return single + pairs
 
 
-def _worth(covered: Mask, wanted: Mask) -> float:
+def _worth(came: Floats, code: float, covered: Mask) -> float:
     """Return how well a condition predicts an event, 0 … 1: a mean of precision and recall that favours precision."""
+    wanted = np.sign(came) == np.sign(code)
     right, n = int((covered & wanted).sum()), int(covered.sum())
-    if right < min(_FEWEST, int(wanted.sum())) or right < _LEAST_PRECISION * n or not right:
+    if right < min(FEWEST, int(wanted.sum())) or right < _LEAST_PRECISION * n or not right:
         return 0.0
-    precision, recall = right / n, right / wanted.sum()
+    missed = int((~covered & (came == code)).sum())  # what comes late is at hand once more
+    precision, recall = right / n, right / (right + missed)
     weight = _PRECISION**2
     return float((1 + weight) * precision * recall / (weight * precision + recall))
 
 
-def _rule(event: _Event, said: tuple[str, ...], covered: Mask) -> Rule:
-    right = int((covered & event.happened).sum())
+def _rule(event: Event, said: tuple[str, ...], right: Mask) -> Rule:
     return Rule(
-        about=event.about, conditions=said, value=event.value, decisions=int(covered.sum()), error=0.0,
-        claim=event.claim, right=right,
+        about=event.about, conditions=said, value=event.value, decisions=len(right), error=0.0,
+        claim=event.claim, right=int(right.sum()),
     )  # fmt: skip
-
-
-def _effects(rows: Floats, targets: Floats, about: About, n_actions: int) -> list[Rule]:
-    """Say to which velocity each action leads, soonest or one decision later, along the axis that it matters to."""
-    done = rows[:, ACTION].astype(np.int64)
-    shares = {column: _explained(targets[:, column], done, n_actions) for column in (0, 1, LATER_VX, LATER_VX + 1)}
-    column = max(shares, key=lambda one: shares[one])
-    axis = column % LATER_VX
-    name, after, rules = ("vx", "vy")[axis], targets[:, column], []
-    for action in range(n_actions):
-        values = after[(done == action) & ~np.isnan(after)]
-        if len(values) < _FEWEST:
-            continue
-        value = float(np.median(values))
-        way = "up" if axis else "to the left"
-        way = ("down" if axis else "to the right") if value > 0 else way
-        right = int((np.sign(values) == np.sign(value)).sum()) if value else int((np.abs(values) <= SAME_PX).sum())
-        rules.append(
-            Rule(
-                about=f"{about.name} {name}", conditions=(f"the action is #{action}",), value=value,
-                decisions=len(values), error=float(values.std()), right=right,
-                claim=f"{name} is {value:+.2g} px, {way}," if value else f"{name} is 0,",
-            )
-        )  # fmt: skip
-    return rules
-
-
-def _explained(velocities: Floats, actions: NDArray[np.int64], n_actions: int) -> float:
-    """Return which share of the variance of velocities the actions explain."""
-    known = ~np.isnan(velocities)
-    values, actions = velocities[known].astype(np.float64), actions[known]
-    if not len(values) or not values.var():
-        return 0.0
-    within = sum(len(part) * part.var() for k in range(n_actions) if len(part := values[actions == k]))
-    return float(1 - within / (len(values) * values.var()))
