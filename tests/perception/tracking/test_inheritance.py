@@ -32,7 +32,7 @@ def episode(frames, enemy=ENEMY, ball=FLYING, wanders=False):
         up = abs(20 - t % 40)
         column = rng.uniform(5, 80) if wanders and t % 4 == 0 else 9
         places = [(20 + (3 * up) % 50, 74), (30 + up, column), (20 + t % 40, 20 + 1.2 * (t % 40))]
-        looks = [OWN, enemy, ball]
+        looks = [OWN, enemy(t) if callable(enemy) else enemy, ball]
         classes = np.array([number for number, _ in looks])
         seen = replace(objects(places), colours=np.array([colour for _, colour in looks], np.float32))
         features = 2 * np.eye(N_CLASSES, dtype=np.float32)[classes]
@@ -91,6 +91,15 @@ def test_its_kind_is_that_of_what_it_is_taken_for(learned):
     *_, tracks = played(learned, inheritance, enemy=(OTHER, BLUE))
     *_, usual = played(learned, Inheritance(learned, InheritanceConfig()))
     assert learned.things(tracks)[:, KIND].tolist() == learned.things(usual)[:, KIND].tolist()
+
+
+def test_its_colour_is_one_that_the_other_had_and_no_mean_of_two():
+    assigner = SlotAssigner(SlotAssignerConfig(frames=FRAMES))
+    for _ in played(assigner, frames=FRAMES, enemy=lambda t: (PADDLE, BROWN if t % 3 else WHITE)):
+        pass
+    *_, tracks = played(assigner, Inheritance(assigner, InheritanceConfig()), enemy=(OTHER, BLUE))
+    (left,) = np.flatnonzero(tracks.centres_px[:, 1] < 10)
+    np.testing.assert_array_equal(tracks.colours[left], BROWN)
 
 
 def test_a_class_that_misleads_is_corrected(learned):

@@ -64,7 +64,7 @@ class Inheritance(Saved):
         self.config = config
         self._assigner = assigner
         means, variances = assigner.habits_
-        self._kinds, self._looks = assigner.kinds_[assigner.slots_], means[:, N_BEHAVIOUR:].astype(np.float32)
+        self._kinds, self._looks = assigner.kinds_[assigner.slots_], assigner.colours_
         self._means = means[:, :N_BEHAVIOUR]
         self._variances = variances[:, :N_BEHAVIOUR] + _LEAST_DEVIATION_PX**2
         self._on = config.decisions > 0 and means.any(axis=1).all() and len(means) > 0

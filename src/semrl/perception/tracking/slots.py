@@ -14,7 +14,7 @@ from semrl.core.protocols import Saved
 from semrl.core.things import LEAST_MOVING_SHARE, things_of
 from semrl.perception.tracking.controllability import Controllability
 from semrl.perception.tracking.following import MOVED_PX
-from semrl.perception.tracking.slot_statistics import NEVER, STEADY_DECISIONS, SlotStatistics, costs
+from semrl.perception.tracking.slot_statistics import HABITS, NEVER, STEADY_DECISIONS, SlotStatistics, costs
 from semrl.perception.tracking.tints import Tints
 
 SLOT_NUMBERS = ("x", "y", "seen")
@@ -234,6 +234,16 @@ class SlotAssigner(Saved):
         count, total, squares = np.moveaxis(self._statistics.habits[self.slots_], 2, 0)
         means = total / np.maximum(count, 1)
         return means, np.maximum(squares / np.maximum(count, 1) - np.square(means), 0)
+
+    @property
+    def colours_(self) -> Floats:
+        """The colour in which each role with a slot was mostly seen, ``(k, 3)`` float32; its mean if that is not known.
+
+        A mean of several may be the colour of nothing.
+        """
+        commonest = self._tints.commonest(self._statistics.tints[self.slots_])
+        means = self.habits_[0][:, HABITS.index("red") :].astype(np.float32)
+        return np.where(np.isnan(commonest), means, commonest)
 
     def read(self, vector: Floats) -> tuple[Ints, Floats]:
         """Read what is seen from a vector of `transform`: the kind of each object, ``(n,)``, and its centre.

@@ -92,6 +92,14 @@ class Tints(Saved):
         most = np.full((len(colours), 1), ALIKE, np.float32)
         return np.asarray(np.concatenate([away, most], axis=1).argmin(axis=1))  # the first of equals
 
+    def commonest(self, seen: NDArray[np.float64]) -> Floats:
+        """Return the colour that was seen most, ``(k, 3)``, of ``(k, t)`` sightings in each; NaN where none was."""
+        seen = seen[:, : len(self._colours)]
+        colours = np.full((len(seen), 3), np.nan, np.float32)
+        if seen.size:
+            colours = np.where(seen.sum(axis=1, keepdims=True) > 0, self._colours[seen.argmax(axis=1)], colours)
+        return colours
+
     def from_arrays(self, arrays: Arrays) -> None:
         """Take over what was saved; runs that are older than this know kinds by class alone."""
         if arrays:
