@@ -172,3 +172,16 @@ def test_what_is_only_made_on_the_way_can_be_stood_on():
     plan = search(Operators(operators=(opening, entering)), start, SymbolicGoal(concept=3))
     assert plan is not None and plan.operators == (opening, entering)
     assert search(Operators(operators=(entering,)), start, SymbolicGoal(concept=3)) is None
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [Effect(move=(0, 0), kind=0, changes=(((3, 0), 1),)), Effect(move=(0, 0), kind=0, changes=(((0, 1), 1),))],
+    ids=["below the last row", "right of the last column, where the next row would begin"],
+)
+def test_an_operator_that_would_change_what_lies_beyond_the_world_does_not_apply(effect):
+    operator = Operator(action=0, kind=0, when=(), effect=effect, support=1, against=0)
+    at_the_edge = GridState(row=0, column=1, kind=0, cells=bytes(4), columns=2)
+    assert list(Operators(operators=(operator,)).successors(at_the_edge)) == []
+    elsewhere = GridState(row=0, column=0, kind=0, cells=bytes(8), columns=2)
+    assert len(list(Operators(operators=(operator,)).successors(elsewhere))) == 1

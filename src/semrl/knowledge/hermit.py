@@ -21,6 +21,8 @@ from semrl.knowledge.owl import to_triples, write_owl
 from semrl.knowledge.writing import write_condition
 
 _BASE = "urn:semrl:checked#"
+_JAVA = ("java", "-Xmx1000M", "-XX:+UseSerialGC", "-XX:TieredStopAtLevel=1")
+"""Compiled once and collected on one thread: what is asked is over before more of either pays."""
 _LIMIT_S = 60.0
 _HEAD = "Classes equivalent to"
 
@@ -28,6 +30,34 @@ _HEAD = "Classes equivalent to"
 def has_hermit() -> bool:
     """Tell whether HermiT can be asked: the extra ``dl`` and Java are here."""
     return importlib.util.find_spec("owlready2") is not None and shutil.which("java") is not None
+
+
+def ask_hermit(
+    options: Sequence[str], files: Sequence[Path], *, limit_s: float | None = None
+) -> "subprocess.CompletedProcess[str]":
+    """Run HermiT's command line on ontologies.
+
+    Parameters
+    ----------
+    options
+        Of its command line, such as ``-k``: what is asked of each.
+    files
+        The ontologies.
+    limit_s
+        After which it is stopped; never when None.
+
+    Raises
+    ------
+    subprocess.TimeoutExpired
+        When it is stopped.
+    """
+    spec = importlib.util.find_spec("owlready2")
+    assert spec is not None
+    assert spec.origin is not None
+    jars = Path(spec.origin).parent / "hermit"
+    command = [*_JAVA, "-cp", f"{jars}{os.pathsep}{jars / 'HermiT.jar'}", "org.semanticweb.HermiT.cli.CommandLine"]
+    command += [*options, *(file.as_uri() for file in files)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=limit_s)
 
 
 def impossible_classes(ontologies: Sequence[Ontology]) -> list[frozenset[str]]:
@@ -38,18 +68,13 @@ def impossible_classes(ontologies: Sequence[Ontology]) -> list[frozenset[str]]:
     UsageError
         When it fails, or does not answer within a minute.
     """
-    spec = importlib.util.find_spec("owlready2")
-    assert spec is not None
-    assert spec.origin is not None
-    jars = Path(spec.origin).parent / "hermit"
     with tempfile.TemporaryDirectory() as folder:
         files = [Path(folder) / f"{number}.owl" for number in range(len(ontologies))]
         for file, words in zip(files, ontologies, strict=True):
             file.write_bytes(write_owl(to_triples(words, _BASE), _BASE, ".owl"))
-        command = ["java", "-Xmx1000M", "-cp", f"{jars}{os.pathsep}{jars / 'HermiT.jar'}"]
-        command += ["org.semanticweb.HermiT.cli.CommandLine", "-U", *(file.as_uri() for file in files)]
         try:
-            run = subprocess.run(command, capture_output=True, text=True, check=True, timeout=_LIMIT_S)
+            run = ask_hermit(["-U"], files, limit_s=_LIMIT_S)
+            run.check_returncode()
         except (OSError, subprocess.SubprocessError) as error:
             raise UsageError(f"HermiT gave no answer ({type(error).__name__})") from None
     answers = run.stdout.split(_HEAD)[1:]

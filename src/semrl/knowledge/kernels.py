@@ -98,23 +98,18 @@ def materialise(roles: NDArray[np.bool_], axioms: Ints) -> None:
                 kind, a, b, c = axioms[k]
                 for i in range(n):
                     for j in range(n):
-                        if kind == INVERSE:
-                            first, onto, x, y = roles[s, a, i, j], b, j, i
+                        if kind in (INVERSE, SYMMETRIC):
+                            if roles[s, a, i, j] and not roles[s, b, j, i]:
+                                roles[s, b, j, i] = grows = True
                             if roles[s, b, i, j] and not roles[s, a, j, i]:
                                 roles[s, a, j, i] = grows = True
-                        elif kind == SYMMETRIC:
-                            first, onto, x, y = roles[s, a, i, j], a, j, i
-                        else:
-                            first, onto, x, y = False, a, i, j
+                        elif roles[s, b, i, j]:
                             for m in range(n):
-                                if roles[s, b, i, m] and roles[s, c, m, j]:
-                                    first = True
-                        if first and not roles[s, onto, x, y]:
-                            roles[s, onto, x, y] = grows = True
+                                if roles[s, c, j, m] and not roles[s, a, i, m]:
+                                    roles[s, a, i, m] = grows = True
 
 
 def axiom_rows(axioms: list[tuple[int, int, int, int]]) -> Ints:
-    """Return axioms as `materialise` takes them; a transitive role follows from itself, twice."""
-    return np.array([(kind, a, a, a) if kind == TRANSITIVE else (kind, a, b, c) for kind, a, b, c in axioms]).reshape(
-        -1, 4
-    )
+    """Return axioms as `materialise` takes them: a symmetric role as its own inverse, a transitive one as a chain."""
+    own = {SYMMETRIC, TRANSITIVE}
+    return np.array([(kind, a, a, a) if kind in own else (kind, a, b, c) for kind, a, b, c in axioms]).reshape(-1, 4)

@@ -74,11 +74,11 @@ class Operators:
     turning: Turning = field(default_factory=Turning)
 
     def successors(self, state: GridState) -> Iterator[tuple[Operator, GridState]]:
-        """Yield the operators that apply in a state and what they make of it."""
+        """Yield the operators that apply in a state and what they make of it; nothing is made beyond the world."""
         present = signed(state.cells)
         for asks, operators in self._of_kind.get(state.kind, ()):
             operator = operators.get(tuple(answer(state, present, ask) for ask in asks))
-            if operator is not None:
+            if operator is not None and _stays(state, operator.effect):
                 yield operator, applied(state, operator.effect)
 
     def context(self, state: GridState) -> Context:
@@ -138,6 +138,15 @@ class Operators:
         for (kind, _, asks), operators in found.items():
             tables.setdefault(kind, []).append((asks, operators))
         return tables
+
+
+def _stays(state: GridState, effect: Effect) -> bool:
+    """Tell whether all that an effect is about lies in the world."""
+    rows = len(state.cells) // state.columns
+    return all(
+        0 <= state.row + down < rows and 0 <= state.column + right < state.columns
+        for down, right in (effect.move, *(offset for offset, _ in effect.changes))
+    )
 
 
 def applied(state: GridState, effect: Effect) -> GridState:
