@@ -141,11 +141,11 @@ class Operators:
 
 
 def _stays(state: GridState, effect: Effect) -> bool:
-    """Tell whether all that an effect is about lies in the world."""
+    """Tell whether all cells that an effect changes lie in the world; what moves may leave it."""
     rows = len(state.cells) // state.columns
     return all(
         0 <= state.row + down < rows and 0 <= state.column + right < state.columns
-        for down, right in (effect.move, *(offset for offset, _ in effect.changes))
+        for (down, right), _ in effect.changes
     )
 
 
