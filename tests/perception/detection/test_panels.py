@@ -51,6 +51,19 @@ def test_they_are_restored_and_older_runs_have_none(detector):
         assert len(fresh._panels.displays_) == displays
 
 
+def test_displays_are_cut_off_what_moves_all_over_the_image_close_to_them():
+    learned = ForegroundDetector(ForegroundConfig(background_frames=FRAMES))
+
+    def crowded(i):
+        shown = play(i)
+        shown[13 + 2 : 74, (7 * i) % 80 : (7 * i) % 80 + 4] = RED  # up to two rows below the clock, and above the bar
+        return shown
+
+    for i in range(FRAMES):
+        learned.partial_fit(crowded(i))
+    assert [box[0] for box in learned._panels.displays_.tolist()] == [4, 76]
+
+
 @pytest.mark.parametrize("every", [1, 3])
 def test_what_is_shot_from_one_place_is_no_display(every):
     """It passes the same places each time, and at each of them looks as if it never left it."""

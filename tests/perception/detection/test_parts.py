@@ -87,11 +87,32 @@ def test_stripes_with_gaps_of_one_pixel_are_one(gap, found):
         assert len(detector.detect(stripes(i, gap))) == found
 
 
-def test_rare_colours_are_not_judged():
-    detector = ForegroundDetector(ForegroundConfig(background_frames=2 * LEAST_PIECES - 2))
+def test_what_is_hardly_known_is_part_of_what_it_touches(learned):
+    rare = ForegroundDetector(ForegroundConfig(background_frames=2 * LEAST_PIECES - 2))
     for i in range(2 * LEAST_PIECES - 2):
-        detector.partial_fit(street(i, ball=(70, 40)))
-    assert len(detector.detect(street(3, ball=(70, 40)))) == 6  # wheels are not rare, bodies are: nothing is joined
+        rare.partial_fit(street(i, ball=(70, 40)))
+    assert len(rare.detect(street(3, ball=(70, 40)))) == 3
+    shown = street(3, ball=(70, 40))
+    shown[(shown == BODY).all(axis=2)] = (40, 160, 40)
+    assert len(learned.detect(shown)) == 3
+
+
+def village(i):
+    """Two houses that pass by, each a black roof on a white wall, and a taller and a wider thing, black and white."""
+    shown = np.full((84, 84, 3), GROUND, np.uint8)
+    for row, column in ((10, i % 60), (30, (2 * i) % 60)):
+        shown[row : row + 2, column + 1 : column + 5] = WHEEL
+        shown[row + 2 : row + 6, column : column + 6] = BALL
+    shown[50:55, (3 * i) % 70 : (3 * i) % 70 + 3] = WHEEL
+    shown[70:72, (3 * i) % 70 : (3 * i) % 70 + 9] = BALL
+    return shown
+
+
+def test_pieces_of_one_size_are_parts_where_others_of_their_colour_are_not():
+    detector = ForegroundDetector(ForegroundConfig(background_frames=FRAMES))
+    for i in range(FRAMES):
+        detector.partial_fit(village(i))
+    np.testing.assert_array_equal(detector.detect(village(7)).boxes_px[:, 2:], [[6, 6], [6, 6], [5, 3], [2, 9]])
 
 
 def test_what_was_learned_is_kept(learned):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from semrl.core import IMAGE_SIZE_PX, Frame, Image, Ints, Objects
 from semrl.core.errors import DataError, UsageError
 from semrl.core.protocols import Saved
+from semrl.perception.detection.flashes import Flashes
 from semrl.perception.detection.foreground_kernels import Places, draw_objects, find_components, vote, without_holes
 from semrl.perception.detection.ground import Ground
 from semrl.perception.detection.panels import Panels
@@ -53,8 +54,8 @@ class ForegroundDetector(Saved):
 
     The background is the colour that a pixel has most of the time, found by majority vote (Boyer & Moore,
     "MJRTY: a fast majority vote algorithm", 1991), so what stands still is no object, and neither is what
-    changes in the same places all the time (see `Restless`), what a display shows (see `Panels`), and ground where
-    something of the background is gone. What leaves its place and comes back is one, however long it is there (see
+    changes in the same places all the time (see `Restless`), what a display shows (see `Panels`), ground that flashes
+    (see `Flashes`), and ground where something of the background is gone. What leaves its place and comes back is one, however long it is there (see
     `without_leaving`). Positions are means over an object's pixels in the full
     frame, given in pixels of the 84×84 image. Crops are drawn around an object's own middle, so that they do not change
     with its place; a pixel counts a fifth for being there and up to four for its grey level, so that black objects are
@@ -78,7 +79,7 @@ class ForegroundDetector(Saved):
         self._votes: NDArray[np.int32] = np.zeros((0, 0), np.int32)
         self._parts = Parts(self.config.parts_share)
         self._restless = Restless()
-        self._commonest: Frame | None = None
+        self._flashes: Flashes | None = None
         self._panels = Panels()
 
     @property
@@ -105,17 +106,19 @@ class ForegroundDetector(Saved):
             vote(pixels, self._background, self._votes)
             self.frames_ += 1
             if 2 * self.frames_ <= self.config.background_frames:
-                self._restless.learn(pixels)
+                self._flashes = None
+                self._restless.learn(self._flash.calmed(pixels))
             else:  # by now the background is known well enough
                 if self._restless.is_learning:
                     self._look_back()
+                pixels = self._flash.calmed(pixels)
                 self._panels.check(pixels, self._background)
                 pieces = find_components(pixels, self._background, self.config.contrast)
                 self._restless.check(*pieces, pixels.shape[1])
                 self._parts.learn(pixels, *self._components(pixels))
             if self.is_fitted:
                 self._parts.settle(self._background)
-                self._commonest = None
+                self._flashes = None
         return self
 
     def _look_back(self) -> None:
@@ -127,7 +130,7 @@ class ForegroundDetector(Saved):
         self._background, self._votes = behind, np.where(left, _SURE * self.config.background_frames, self._votes)
         self._restless.settle(self._background)
         self._restless.forget()
-        self._commonest = None
+        self._flashes = None
 
     def ground(self) -> Ground:
         """Return what stands still, found in the background; see `KnowsGround`."""
@@ -137,7 +140,7 @@ class ForegroundDetector(Saved):
         """Find the objects of a frame, from top to bottom."""
         if not self.frames_:
             raise DataError("the detector has seen no frame yet: call partial_fit first")
-        pixels = self._checked(frame)
+        pixels = self._flash.calmed(self._checked(frame))
         places, ends = self._parts.joined(pixels, *self._components(pixels))
         sizes = np.diff(ends, prepend=0)
         kept = np.sort(np.argsort(-sizes, kind="stable")[: self.config.max_objects])
@@ -150,22 +153,20 @@ class ForegroundDetector(Saved):
         return self.detect(frame).labels
 
     def _restored(self) -> None:
-        self._commonest = None
+        self._flashes = None
 
     @property
-    def _ground(self) -> Frame:
-        """The commonest colour of the background, ``(1, channels)``."""
-        if self._commonest is None:
-            pixels = self._background.reshape(-1, self._background.shape[2])
-            colours, counts = np.unique(pixels, axis=0, return_counts=True)
-            self._commonest = colours[[counts.argmax()]]
-        return self._commonest
+    def _flash(self) -> Flashes:
+        """The commonest colour of the background, and what undoes it if it flashes."""
+        if self._flashes is None:
+            self._flashes = Flashes(self._background)
+        return self._flashes
 
     def _components(self, pixels: Frame) -> tuple[Places, Ints]:
         """Return pieces of one colour; of very many only the largest, since all are compared with each other."""
         calm = self._panels.calmed(self._restless.calmed(pixels, self._background), self._background)
         places, ends = find_components(calm, self._background, self.config.contrast)
-        places, ends = without_holes(calm, self._background, self._ground, places, ends, self.config.contrast)
+        places, ends = without_holes(calm, self._background, self._flash.ground, places, ends, self.config.contrast)
         most = _PIECES * self.config.max_objects
         if len(ends) <= most:
             return places, ends
