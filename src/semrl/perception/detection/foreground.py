@@ -55,11 +55,11 @@ class ForegroundDetector(Saved):
     The background is the colour that a pixel has most of the time, found by majority vote (Boyer & Moore,
     "MJRTY: a fast majority vote algorithm", 1991), so what stands still is no object, and neither is what
     changes in the same places all the time (see `Restless`), what a display shows (see `Panels`), ground that flashes
-    (see `Flashes`), and ground where something of the background is gone. What leaves its place and comes back is one, however long it is there (see
-    `without_leaving`). Positions are means over an object's pixels in the full
-    frame, given in pixels of the 84×84 image. Crops are drawn around an object's own middle, so that they do not change
-    with its place; a pixel counts a fifth for being there and up to four for its grey level, so that black objects are
-    seen too. Objects larger than the window are drawn smaller, not cut.
+    (see `Flashes`), and ground where something of the background is gone. What leaves its place and comes back is one,
+    however long it is there (see `without_leaving`). Positions are means over an object's pixels in the full frame,
+    given in pixels of the 84×84 image. Crops are drawn around an object's own middle, so that they do not change with
+    its place; a pixel counts a fifth for being there and up to four for its grey level, so that black objects are seen
+    too. Objects larger than the window are drawn smaller, not cut.
 
     Attributes
     ----------

@@ -86,7 +86,8 @@ class Panels(Saved):
             shown &= self._changed[top:bottom, left:right]
             if shown.any():
                 edges = [side for axis in (1, 0) for side in _reach(shown.any(axis=axis))]
-                content, known = zlib.crc32(shown.tobytes()), self._contents[number]
+                lit = frame[top:bottom, left:right][self._changed[top:bottom, left:right]]
+                content, known = zlib.crc32(lit.tobytes()), self._contents[number]
                 if content not in known and (known < 0).any():
                     known[(known < 0).argmax()] = content
                 self._counts[number, :2] += 1, sum(away <= _SLACK_PX for away in edges) >= _EDGES
@@ -112,8 +113,8 @@ class Panels(Saved):
 def _pieces(changed: NDArray[np.bool_]) -> list[tuple[int, int, int, int]]:
     """Return the boxes of pieces of what changed that are small enough.
 
-    Larger ones are cut where nothing changed in whole rows or columns (Nagy & Seth, "Hierarchical representation of optically
-    scanned documents", 1984).
+    Larger ones are cut where nothing changed in whole rows or columns (Nagy & Seth, "Hierarchical representation of
+    optically scanned documents", 1984).
     """
     near, _ = ndimage.label(ndimage.binary_dilation(changed, np.ones((3, 3)), iterations=_NEAR_PX))
     near = np.where(changed, near, 0)

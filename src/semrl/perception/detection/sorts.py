@@ -12,6 +12,9 @@ from semrl.perception.detection.foreground_kernels import Places
 LEAST_PIECES = 15
 """Of a sort, to be judged by what they touch."""
 
+LENIENCE = 5 / 6
+"""Times the share that colours need: pieces of one size are more alike than all of one colour."""
+
 MOST_SORTS = 4096
 """What is of another sort than the first so many is not judged."""
 
@@ -19,14 +22,14 @@ _LONGEST = 4096
 
 
 class Sorts(Saved):
-    """How often pieces of one colour, height and width touch a larger piece of another colour.
+    """How often pieces of one colour, height and width touch a larger piece of some colour.
 
     Black is the roof of one thing and a thing of its own elsewhere: of its colour alone it cannot be said.
 
     Parameters
     ----------
     share
-        Share of the pieces of a sort that must touch a larger one of a colour, to be part of such.
+        Share of the pieces of a sort that must touch a larger one of a colour, to be part of such, times `LENIENCE`.
     """
 
     SAVED = ("_keys", "_pieces", "_touches", "_parts", "_wholes")
@@ -69,7 +72,7 @@ class Sorts(Saved):
         touches = np.pad(self._touches, ((0, 0), (0, len(is_ground) - self._touches.shape[1])))
         enough = self._pieces >= LEAST_PIECES
         enough &= ~is_ground[self._keys // _LONGEST**2]
-        whole = (touches >= self.share * self._pieces[:, None]) & enough[:, None] & ~is_ground
+        whole = (touches >= LENIENCE * self.share * self._pieces[:, None]) & enough[:, None] & ~is_ground
         parts = np.flatnonzero(whole.any(axis=1))
         parts = parts[np.argsort(self._keys[parts])]
         self._parts, self._wholes = self._keys[parts], np.pad(whole[parts], ((0, 0), (0, 1)))
