@@ -7,10 +7,16 @@ GROUND, SKY, THING, FLASH = (0, 0, 0), (40, 40, 160), (160, 40, 40), (200, 200, 
 FRAMES = 100
 
 
-def night(i, ground=GROUND):
-    """A thing that moves above the ground, under the sky."""
+def empty(ground=GROUND):
+    """The ground under the sky."""
     shown = np.full((84, 84, 3), ground, np.uint8)
     shown[:20] = SKY
+    return shown
+
+
+def night(i, ground=GROUND):
+    """A thing that moves above the ground."""
+    shown = empty(ground)
     shown[50:54, i % 70 : i % 70 + 6] = THING
     return shown
 
@@ -25,7 +31,7 @@ def test_a_flash_is_ground_and_what_is_before_it_is_seen():
 
 
 def test_only_the_ground_flashes():
-    flashes = Flashes(night(0))
+    flashes = Flashes(empty())
     np.testing.assert_array_equal(flashes.ground, [GROUND])
     calm = night(5)
     assert flashes.calmed(calm) is calm
