@@ -61,7 +61,7 @@ def test_displays_are_cut_off_what_moves_all_over_the_image_close_to_them():
 
     for i in range(FRAMES):
         learned.partial_fit(crowded(i))
-    assert [box[0] for box in learned._panels.displays_.tolist()] == [4, 76]
+    assert sorted(box[0] for box in learned._panels.displays_.tolist()) == [4, 76]
 
 
 @pytest.mark.parametrize("every", [1, 3])
