@@ -83,7 +83,7 @@ def test_it_is_restored_and_older_runs_have_none(detector):
     np.testing.assert_array_equal(fresh.detect(shown).labels, detector.detect(shown).labels)
     older = ForegroundDetector(ForegroundConfig(background_frames=FRAMES))
     older.from_arrays({name: array for name, array in arrays.items() if not name.startswith("restless")})
-    assert len(older.detect(shown)) > 5
+    assert len(older.detect(shown)) > len(detector.detect(shown))
 
 
 @pytest.mark.parametrize("stops_after", [25, 100])

@@ -11,7 +11,7 @@ from semrl.perception.detection.parts_kernels import colours_of, join, touching
 from semrl.perception.detection.sorts import Sorts, keys_of
 
 MOST_COLOURS = 64
-"""What has other colours than the first so many stays as it is, and then so does what is hardly known."""
+"""What has other colours than the first so many stays as it is, and then so does what is new."""
 
 LEAST_PIECES = 25
 """Of a colour, to be judged by what they touch."""
@@ -21,8 +21,8 @@ class Parts(Saved):
     """How often pieces of one colour touch one of another, or of the same, and so which colours make things together.
 
     Of two colours one is part of the other's things if nearly all of its pieces touch one of the other: wheels and
-    a car. A ball and a paddle meet now and then, which makes them no one thing. A colour that was hardly seen is part
-    of what it touches, until it is known better: new enemies have new colours. The colour of the ground is no part
+    a car. A ball and a paddle meet now and then, which makes them no one thing. Colours that were never seen are
+    parts of one thing where they touch: new enemies have new colours. The colour of the ground is no part
     of anything: there it shows through. Pieces touch that have no more than one pixel between them.
 
     Parameters
@@ -67,9 +67,11 @@ class Parts(Saved):
         """Decide which colours go together, given what is behind everything, ``(height, width, channels)``."""
         ground, area = np.unique(background.reshape(-1, background.shape[2]), axis=0, return_counts=True)
         is_ground = np.append((self.colours_ == ground[area.argmax()]).all(axis=1), False)
-        known = np.append(self._pieces >= LEAST_PIECES, False) | (len(self.colours_) == MOST_COLOURS)
+        enough = np.append(self._pieces >= LEAST_PIECES, False)
         shares = np.pad(self._touches / np.maximum(self._pieces, 1)[:, None], (0, 1))
-        together = (np.maximum(shares, shares.T) >= self.share) | ~known[:, None] | ~known[None]
+        together = (np.maximum(shares, shares.T) >= self.share) & enough[:, None] & enough[None]
+        if len(self.colours_) < MOST_COLOURS:
+            together[-1, -1] = True
         self._together = together & ~is_ground[:, None] & ~is_ground[None]
         self._sorts.settle(is_ground[:-1])
 
