@@ -27,6 +27,7 @@ from semrl.knowledge.writing import write_condition
 from semrl.training.config import ClassesMode
 from semrl.training.loop import Step
 
+COMPARED = (("on", "off"), ("shuffled", "off"), ("on", "shuffled"))
 RESAMPLES = 5_000
 
 
@@ -134,7 +135,7 @@ def judged(
 
 
 def summed_up(rows: Sequence[Row]) -> dict[str, object]:
-    """Return mean returns and their differences to play without classes, each with a 95 % bootstrap interval."""
+    """Return mean returns and the differences of each two modes, each with a 95 % bootstrap interval."""
     modes = list(dict.fromkeys(row.mode for row in rows))
     by_run = {
         run: {row.mode: np.array(row.returns) for row in rows if row.run == run}
@@ -153,12 +154,12 @@ def summed_up(rows: Sequence[Row]) -> dict[str, object]:
     means = {mode: float(np.mean([own[mode] for own in whole])) for mode in modes}
     told = {mode: {"mean": means[mode], "interval": _interval(np.array(drawn[mode]))} for mode in modes}
     differences = {
-        f"{mode} - off": {
-            "mean": means[mode] - means["off"],
-            "interval": _interval(np.array(drawn[mode]) - np.array(drawn["off"])),
+        f"{one} - {other}": {
+            "mean": means[one] - means[other],
+            "interval": _interval(np.array(drawn[one]) - np.array(drawn[other])),
         }
-        for mode in modes
-        if mode != "off" and "off" in modes
+        for one, other in COMPARED
+        if {one, other} <= set(modes)
     }
     return {"runs": len(whole), "returns": told, "differences": differences}
 
