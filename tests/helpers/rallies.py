@@ -2,8 +2,10 @@
 
 import numpy as np
 
+from semrl.concepts import Concepts
 from semrl.core import History, Trajectory
 from semrl.core.things import no_things
+from semrl.world_model import ConceptRules
 
 BALL, PADDLE, CLIPPED, DIGIT = 0, 1, 2, 3
 
@@ -64,6 +66,16 @@ def trajectory_of(tables, actions, rewards):
         rewards=rewards[:-1],
         things=tuple(tables),
     )
+
+
+def rules_of(episodes):
+    """The rules about concepts that are read from episodes."""
+    concepts = Concepts()
+    rules = ConceptRules(concepts)
+    for trajectory in episodes:
+        concepts.partial_fit(trajectory.things)
+        rules.partial_fit(trajectory)
+    return rules
 
 
 def history_of(trajectory, t, length=6):

@@ -131,12 +131,12 @@ def _elsewhere(asked: Asked, waiting: "deque[int]", processes: int) -> Iterator[
         if processes:
             stack.enter_context(alone())
         for _ in range(processes):
-            line, theirs = context.Pipe()
-            process = context.Process(target=_serve, args=(asked, theirs), daemon=True)
+            line, end = context.Pipe()
+            process = context.Process(target=_serve, args=(asked, end), daemon=True)
             process.start()
             stack.callback(process.join)
             stack.callback(process.kill)
-            theirs.close()
+            end.close()
             threading.Thread(target=keep_busy, args=(line,), daemon=True).start()
         yield played
 

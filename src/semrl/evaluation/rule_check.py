@@ -12,7 +12,7 @@ from semrl.evaluation.prediction import played
 from semrl.evaluation.scores import EVALUATION_SEED, PROBING
 from semrl.training.loop import Step
 from semrl.training.session import limited_threads
-from semrl.world_model.lifted.checking import AHEAD, Check, Told
+from semrl.world_model.lifted.checking import AHEAD, Check, PredictedEpisode
 from semrl.world_model.protocol import WorldModel
 
 CHECKED_DECISIONS = 1_000
@@ -45,17 +45,17 @@ def check_rules(
     seed = player.config.seed + EVALUATION_SEED
     with limited_threads(player.config.threads), contextlib.closing(probing.new_env()) as env:
         episodes = played(partial(probing.episode, seed=seed, env=env), decisions, on_step)
-        told = [_told(planning.world_model, steps) for steps in episodes if len(steps) > AHEAD]
-    return planning.concept_rules.check(told)
+        predicted = [_predicted(planning.world_model, steps) for steps in episodes if len(steps) > AHEAD]
+    return planning.concept_rules.check(predicted)
 
 
-def _told(world: WorldModel, steps: Sequence[Step]) -> Told:
+def _predicted(world: WorldModel, steps: Sequence[Step]) -> PredictedEpisode:
     """Predict two decisions ahead at each of an episode; of the last one, as if its action were taken again."""
     histories = [step.record.history for step in steps if step.record]
     actions = np.array([step.action for step in steps[1:]], np.int64)
     pairs = np.stack([actions, np.append(actions[1:], actions[-1:])], axis=1)
     imagined = [world.imagine(history, pair[None]) for history, pair in zip(histories, pairs, strict=False)]
-    return Told(
+    return PredictedEpisode(
         trajectory=Trajectory(
             states=np.array([history.states[0] for history in histories]),
             actions=actions,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bricks import bricks
-from rallies import rally, trajectory_of
+from rallies import rally, rules_of, trajectory_of
 
 from semrl.concepts import Concepts
 from semrl.core import Trajectory
@@ -12,19 +12,10 @@ from semrl.world_model import ConceptRules
 from semrl.world_model.rules import sentence
 
 
-def read(episodes):
-    concepts = Concepts()
-    rules = ConceptRules(concepts)
-    for trajectory in episodes:
-        concepts.partial_fit(trajectory.things)
-        rules.partial_fit(trajectory)
-    return rules
-
-
 @pytest.fixture(scope="module")
 def rallies():
     """Read from three thousand decisions."""
-    return read(trajectory_of(*rally(1000, seed)) for seed in range(3))
+    return rules_of(trajectory_of(*rally(1000, seed)) for seed in range(3))
 
 
 def test_the_first_dozen_rules_tell_the_laws(rallies):
@@ -51,7 +42,7 @@ def test_the_first_dozen_rules_tell_the_laws(rallies):
 
 
 def test_rules_name_what_is_touched():
-    rules = read(trajectory_of(*bricks(600, seed)) for seed in range(3))
+    rules = rules_of(trajectory_of(*bricks(600, seed)) for seed in range(3))
     rule, otherwise = [rule for rule in rules.rules(["NOOP"]) if rule.about == "the reward"]
     (brick,) = np.unique(rules.concepts.families_[rules.concepts.is_lost_])
     name = rules.concepts.table_.names[brick]
@@ -66,7 +57,7 @@ def test_a_reader_goes_on_where_it_was_saved(rallies):
     assert again.rules(["UP", "DOWN"]) == rallies.rules(["UP", "DOWN"])
     more = trajectory_of(*rally(300, 9))
     again.partial_fit(more)
-    longer = read(trajectory_of(*rally(n, seed)) for seed, n in ((0, 1000), (1, 1000), (2, 1000), (9, 300)))
+    longer = rules_of(trajectory_of(*rally(n, seed)) for seed, n in ((0, 1000), (1, 1000), (2, 1000), (9, 300)))
     assert again.rules(["UP", "DOWN"]) == longer.rules(["UP", "DOWN"]) != rallies.rules(["UP", "DOWN"])
 
 

@@ -2,28 +2,17 @@
 
 import numpy as np
 import pytest
-from rallies import BALL, rally, table, thing, trajectory_of
+from rallies import BALL, rally, rules_of, table, thing, trajectory_of
 from roads import road
 
-from semrl.concepts import Concepts
 from semrl.core import Trajectory
-from semrl.world_model import ConceptRules
-from semrl.world_model.lifted.checking import Told
+from semrl.world_model.lifted.checking import PredictedEpisode
 from semrl.world_model.rules import sentence
-
-
-def read(*episodes):
-    concepts = Concepts()
-    rules = ConceptRules(concepts)
-    for trajectory in episodes:
-        concepts.partial_fit(trajectory.things)
-        rules.partial_fit(trajectory)
-    return rules
 
 
 @pytest.fixture(scope="module")
 def rallies():
-    return read(*(trajectory_of(*rally(1000, seed)) for seed in range(3)))
+    return rules_of(trajectory_of(*rally(1000, seed)) for seed in range(3))
 
 
 def ahead(trajectory, *, frozen):
@@ -31,7 +20,7 @@ def ahead(trajectory, *, frozen):
     last = len(trajectory)
     places = np.minimum(np.arange(last)[:, None] + (0 if frozen else np.array([1, 2])), last) + np.zeros((1, 2), int)
     rewards = np.append(trajectory.rewards, 0)[np.stack([np.arange(last), np.arange(last) + 1], axis=1)]
-    return Told(trajectory=trajectory, states=trajectory.states[places], rewards=rewards * (not frozen))
+    return PredictedEpisode(trajectory=trajectory, states=trajectory.states[places], rewards=rewards * (not frozen))
 
 
 def by_about(rules, names, checks):
@@ -78,7 +67,7 @@ def test_what_stops_a_steered_thing_is_a_rule(rallies):
 
 
 def test_what_sets_a_steered_thing_back_is_a_rule():
-    lines, rules = told(read(*(road(900, seed) for seed in range(3))), "DOWN", "UP")
+    lines, rules = told(rules_of(road(900, seed) for seed in range(3)), "DOWN", "UP")
     top, contact, otherwise = [rule for rule in rules if rule.claim.startswith("it goes down whatever the action")]
     assert top.conditions == ("it is beyond its top edge next",) and top.right == top.decisions > 30
     assert contact.conditions[0].startswith("it touches object") and contact.right > 0.35 * contact.decisions > 10, (
@@ -89,7 +78,7 @@ def test_what_sets_a_steered_thing_back_is_a_rule():
 
 @pytest.mark.parametrize("swaps", [False, True])
 def test_what_goes_on_for_ever_does_not_turn(swaps):
-    lines, rules = told(read(*(road(900, seed, swaps=swaps) for seed in range(3))), "DOWN", "UP")
+    lines, rules = told(rules_of(road(900, seed, swaps=swaps) for seed in range(3)), "DOWN", "UP")
     assert not [rule for rule in rules if ":= −" in rule.claim or "turns" in rule.claim], lines
 
 
@@ -101,7 +90,7 @@ def test_what_turns_amid_a_decision_is_mirrored_all_the_same():
         if not 10 <= y <= 70:
             y, vy = 2 * (10 if y < 10 else 70) - y, -vy
     seen = trajectory_of(tables, np.arange(1500) % 2, np.zeros(1500, np.float32))
-    lines, rules = told(read(seen), "A", "B")
+    lines, rules = told(rules_of([seen]), "A", "B")
     top, bottom, otherwise = [rule for rule in rules if rule.claim == "vy := −vy"]
     assert {top.conditions, bottom.conditions} == {
         ("it is beyond its top edge next",),

@@ -19,7 +19,7 @@ AHEAD = 2
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Told:
+class PredictedEpisode:
     """An episode, and what a world model predicted at each of its decisions, given what was done then."""
 
     trajectory: Trajectory
@@ -62,13 +62,13 @@ class Check:
         return text
 
 
-def check_list(one: DecisionList, play: Play, objects: Floats, told: Sequence[Told]) -> Check:
+def check_list(one: DecisionList, play: Play, objects: Floats, episodes: Sequence[PredictedEpisode]) -> Check:
     """Compare a list with what came in some play, of which the objects are given, and with what was predicted."""
     about = one.vocabulary.about
     samples = samples_of(play, objects, about.concept, about.kinds)
     said = one.says(samples.rows)
     came = one.came(samples.rows, samples.targets)
-    predicted = one.came(samples.rows, predicted_targets(samples, objects, told))
+    predicted = one.came(samples.rows, predicted_targets(samples, objects, episodes))
     known = ~np.isnan(came) & ~np.isnan(predicted)
     said, came, predicted = said[known], came[known], predicted[known]
     right, world_model_right = agree(said, came), agree(predicted, came)
@@ -86,15 +86,15 @@ def check_list(one: DecisionList, play: Play, objects: Floats, told: Sequence[To
     )
 
 
-def predicted_targets(samples: Samples, objects: Floats, told: Sequence[Told]) -> Floats:
+def predicted_targets(samples: Samples, objects: Floats, episodes: Sequence[PredictedEpisode]) -> Floats:
     """Return as targets what was predicted: velocities and the reward; not a number what was not, or of other things.
 
     What is predicted is where the things of slots are: of some that share a slot, those of which the facts are not have
     no prediction.
     """
     targets = np.full_like(samples.targets, np.nan)
-    states = np.concatenate([_padded(one.trajectory.states[:, None], one.states) for one in told])
-    rewards = np.concatenate([np.append(np.sign(np.rint(one.rewards)), [[np.nan] * AHEAD], axis=0) for one in told])
+    states = np.concatenate([_padded(one.trajectory.states[:, None], one.states) for one in episodes])
+    rewards = np.concatenate([np.append(np.sign(np.rint(one.rewards)), [[np.nan] * AHEAD], axis=0) for one in episodes])
     things = objects[samples.things]
     slots = things[:, PLACE].astype(np.int64)
     listed = slots >= 0

@@ -10,7 +10,7 @@ from semrl.concepts import Concepts
 from semrl.core import Ints, Trajectory
 from semrl.core.arrays import Arrays
 from semrl.core.errors import UsageError
-from semrl.world_model.lifted.checking import Check, Told, check_list
+from semrl.world_model.lifted.checking import Check, PredictedEpisode, check_list
 from semrl.world_model.lifted.decision_lists import DecisionList, joined_lists, read_lists
 from semrl.world_model.lifted.features import Kinds
 from semrl.world_model.lifted.play import Play
@@ -81,19 +81,19 @@ class ConceptRules:
             found += [_with_names(rule, about, actions) for rule in islice(group, most)]
         return found
 
-    def check(self, told: Sequence[Told]) -> list[Check]:
+    def check(self, episodes: Sequence[PredictedEpisode]) -> list[Check]:
         """Compare every list with what came, and with what a world model predicted, in play that is new to it.
 
         Parameters
         ----------
-        told
-            Episodes, with what was predicted at each decision.
+        episodes
+            With what was predicted at each decision.
         """
-        play = Play(sum(len(one.trajectory.states) for one in told))
-        for one in told:
+        play = Play(sum(len(one.trajectory.states) for one in episodes))
+        for one in episodes:
             play.add(one.trajectory)
         objects = play.objects(self.concepts)
-        return [check_list(one, play, objects, told) for one in self._read()] if len(play) else []
+        return [check_list(one, play, objects, episodes) for one in self._read()] if len(play) else []
 
     def to_arrays(self) -> Arrays:
         """Return what is remembered."""
