@@ -6,7 +6,7 @@ from semrl.core.lazy import lazily
 from semrl.core.registry import Registry
 
 if TYPE_CHECKING:
-    from semrl.world_model.config import ModelPairConfig, NextStateConfig, RewardConfig
+    from semrl.world_model.config import ModelPairConfig, NextStateConfig, RewardConfig, TreesConfig
     from semrl.world_model.experience import EpisodeRecord, Experience
     from semrl.world_model.lifted import LiftedConfig, LiftedWorld
     from semrl.world_model.lifted.concept_rules import ConceptRules
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from semrl.world_model.next_state import NextStateNetwork
     from semrl.world_model.protocol import WorldModel
     from semrl.world_model.reward import RewardNetwork, RewardSVM, make_reward_model
-    from semrl.world_model.tree_world import TreesConfig, TreeWorld
+    from semrl.world_model.tree_world import TreeWorld
 
 WORLD_MODELS: "Registry[WorldModel]" = Registry(
     "world_models",
@@ -39,7 +39,7 @@ _HOME = {
     "RewardNetwork": "semrl.world_model.reward",
     "RewardSVM": "semrl.world_model.reward",
     "TreeWorld": "semrl.world_model.tree_world",
-    "TreesConfig": "semrl.world_model.tree_world",
+    "TreesConfig": "semrl.world_model.config",
     "WorldModel": "semrl.world_model.protocol",
     "make_reward_model": "semrl.world_model.reward",
     "roll_forward": "semrl.world_model.model_pair",

@@ -1,4 +1,4 @@
-"""Settings of the thesis's model of the world, by themselves: who reads settings should not wait for torch."""
+"""Settings of the thesis's model of the world, and of trees: who reads settings should not wait for torch."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -79,3 +79,58 @@ class ModelPairConfig:
             raise UsageError(f"networks.rehearsal_states must be 0 or more, not {self.rehearsal_states}")
         if not 0 <= self.rehearsal_reward_share <= 1:
             raise UsageError(f"networks.rehearsal_reward_share must lie in 0 … 1, not {self.rehearsal_reward_share}")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TreesConfig:
+    """Settings of `TreeWorld`."""
+
+    members: int = 3
+    """Forests, each grown from its own draw of the play; a reward counts what they predict on average.
+
+    When it is time, the oldest is grown anew."""
+    screening: int = 0
+    """Forests that are asked about all scenarios, the others about the best quarter alone; 0: all about all."""
+    past_states: int = 4
+    """States that are looked at, the present one included."""
+    past_actions: int = 3
+    """Actions before that are looked at: things that have inertia go on by them."""
+    distances: bool = False
+    """Whether numbers are compared along an axis alone, and by how far they lie apart as well: a contact is one cut of
+    a distance and two of a difference, which counts when there was little play."""
+    resolution: float = 1 / 255
+    """Least difference between two states that means anything; RAM features are bytes divided by 255."""
+    least_changes: float = 0.001
+    """Share of the decisions at which a number must have changed, else it is taken to stay as it is."""
+    leaf_decisions: int = 2
+    """Fewest decisions in a leaf."""
+    value_leaf_decisions: int = 20
+    """The same for the return expected beyond a scenario, which is learned from those that came; 0: none is."""
+    capacity: int = 100_000
+    """Decisions remembered, the oldest episodes first to go."""
+    most_numbers: int = 30_000_000
+    """Most numbers that a forest is grown from: of more, a draw of the decisions is laid out (some ten objects at once
+    make 600 numbers of a decision, and 100,000 decisions would take minutes a forest)."""
+    first_decisions: int = 1_000
+    """Decisions before trees are grown for the first time."""
+    new_decisions: int = 100
+    """Fewest new decisions before a forest is grown anew, which is after the next reward or the end of the episode."""
+    new_share: float = 0.03
+    """The same as a share of those that the newest was grown from."""
+
+    def leaf_rows(self, targets: int) -> list[int]:
+        """Return the fewest decisions in a leaf of each tree, that of the return last."""
+        return [self.leaf_decisions] * (targets - 1) + [max(self.value_leaf_decisions, 1)]
+
+    def __post_init__(self) -> None:
+        for name in ("members", "leaf_decisions", "capacity", "first_decisions", "new_decisions", "most_numbers"):
+            if getattr(self, name) < 1:
+                raise UsageError(f"trees.{name} must be 1 or more, not {getattr(self, name)}")
+        if not 0 <= self.screening <= self.members:
+            raise UsageError(f"trees.screening must lie in 0 … members, {self.members}, not {self.screening}")
+        if self.past_states < 2 or self.past_actions < 0:
+            raise UsageError("trees.past_states must be 2 or more and trees.past_actions 0 or more")
+        if not (self.resolution > 0 and min(self.new_share, self.value_leaf_decisions, self.least_changes) >= 0):
+            raise UsageError(
+                "trees.resolution must be above 0, new_share, value_leaf_decisions and least_changes 0 or more"
+            )
