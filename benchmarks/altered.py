@@ -1,7 +1,7 @@
 """Play on in another world: the variants of a game, at evaluation only.
 
-Trained runs play as they are. For those with a map the planner plays once more after its model saw some decisions of
-the new world.
+Trained runs play as they are. For those with a map the planner plays once more after it saw some decisions of the new
+world: it turns the picture if that is how it is seen as before, and learns anew what has changed (`semrl changes`).
 
     python benchmarks/altered.py runs/x runs/y --episodes 10
 
@@ -24,11 +24,11 @@ from rich.table import Table
 
 from semrl.core.errors import UsageError
 from semrl.evaluation import load_player
+from semrl.evaluation.changes import adapted, find_changes
 from semrl.evaluation.player import Player, Policy
 from semrl.evaluation.scores import EVALUATION_SEED
 from semrl.perception.perception import Perception
 from semrl.training.session import limited_threads
-from semrl.world_model import TreeWorld
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +48,8 @@ class Arguments:
     """Decisions of a game: after 65,212 frames the cartridge of Pong ends it and sets its score back, which counts as
     points."""
     adapting: int = 1_000
-    """Decisions of the new world from which the planner's model learns before it plays once more; 0: it does not."""
+    """Decisions of the new world in which it is found out what has changed, before the planner plays once more; 0: it
+    does not."""
     inherits: tuple[bool, ...] = (True,)
     """Whether what looks new, or is more than there was, is taken for what is known."""
     json: bool = False
@@ -100,9 +101,10 @@ def play(run: Path, arguments: Arguments) -> Iterator[Score]:
             for policy in policies:
                 yield _score(run, variant, inherits, policy, _games(player, policy, arguments))
             if player.planning and variant and arguments.adapting:
-                adapt(player, arguments.adapting)
+                unaltered = player.under(variant=None)
+                again = adapted(unaltered, find_changes(unaltered, variant, decisions=arguments.adapting))
                 who = f"planner, after {arguments.adapting:,} decisions"
-                yield _score(run, variant, inherits, who, _games(player, "planner", arguments))
+                yield _score(run, variant, inherits, who, _games(again, "planner", arguments))
 
 
 def inherit(player: Player, on: bool) -> None:
@@ -111,27 +113,6 @@ def inherit(player: Player, on: bool) -> None:
     if not on and isinstance(perception, Perception):
         none = replace(perception.config.inheritance, decisions=0, shares=False)
         perception.config = replace(perception.config, inheritance=none)
-
-
-def adapt(player: Player, decisions: int) -> None:
-    """Let the planner play in the altered world, and its model learn from that beside what it remembers."""
-    planning = player.planning
-    assert planning is not None
-    world = planning.world_model
-    assert isinstance(world, TreeWorld), "the preset's models of the world are trees"
-    world.config = replace(world.config, new_decisions=1, new_share=0.0)  # so little is nothing new to it otherwise
-    learned = episode = 0
-    while learned < decisions:
-        rng = np.random.default_rng([EVALUATION_SEED, 1, episode])
-        steps = player.play(player.new_game(int(rng.integers(2**31))), rng, "planner")
-        for step in steps:
-            last = step
-            learned += step.action is not None
-            if learned == decisions:
-                break
-        assert last.state is not None
-        planning.end_episode(last.state.facts, last.state.things)
-        episode += 1
 
 
 def _games(player: Player, policy: Policy, arguments: Arguments) -> list[tuple[float, int]]:

@@ -29,6 +29,7 @@ COMMANDS = {
     "rules": ("rules", "what a run has learned of its world, as rules to be checked"),
     "events": ("events", "what happens in an episode: contacts, bounces, rewards, lost lives"),
     "predict": ("predict", "how far a run's model of the world sees ahead, on new episodes"),
+    "changes": ("changes", "what no longer holds in an altered world, and learning just that anew"),
     "explain": ("explain", "why a run took one decision, as text or as a page"),
     "compare": ("compare", "what two runs know and do differently"),
     "publish": ("publish", "a trained run as a folder to be shared, with a model card"),

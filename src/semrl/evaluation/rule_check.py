@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from semrl.core import Trajectory
-from semrl.evaluation.player import Player
+from semrl.evaluation.player import Player, Policy
 from semrl.evaluation.prediction import played
 from semrl.evaluation.scores import EVALUATION_SEED, PROBING
 from semrl.training.loop import Step
@@ -41,12 +41,38 @@ def check_rules(
     planning = player.planning
     if planning is None or not planning.world_model.is_fitted or not planning.concept_rules.rules(player.action_names):
         return []
-    probing = player.under(exploration=PROBING)
-    seed = player.config.seed + EVALUATION_SEED
+    return planning.concept_rules.check(predicted_play(player, decisions, on_step=on_step))
+
+
+def predicted_play(
+    player: Player,
+    decisions: int,
+    *,
+    policy: Policy = "agent",
+    seed: int | None = None,
+    on_step: Callable[[Step], None] = lambda _: None,
+) -> list[PredictedEpisode]:
+    """Play new episodes, one action in a hundred random, and predict at each decision what the next two bring.
+
+    Parameters
+    ----------
+    player
+        One with a map whose world model can predict.
+    decisions
+        So many are played; episodes too short to look two ahead are left out.
+    policy
+        Who plays.
+    seed
+        Of the episodes; when None, one that training did not use.
+    on_step
+        Called at every decision.
+    """
+    assert player.planning is not None, "only models with a map predict"
+    probing, world = player.under(exploration=PROBING), player.planning.world_model
+    seed = player.config.seed + EVALUATION_SEED if seed is None else seed
     with limited_threads(player.config.threads), contextlib.closing(probing.new_env()) as env:
-        episodes = played(partial(probing.episode, seed=seed, env=env), decisions, on_step)
-        predicted = [_predicted(planning.world_model, steps) for steps in episodes if len(steps) > AHEAD]
-    return planning.concept_rules.check(predicted)
+        episodes = played(partial(probing.episode, seed=seed, policy=policy, env=env), decisions, on_step)
+        return [_predicted(world, steps) for steps in episodes if len(steps) > AHEAD]
 
 
 def _predicted(world: WorldModel, steps: Sequence[Step]) -> PredictedEpisode:

@@ -1,6 +1,6 @@
 """What a world model must offer (§3.4.3), and the two halves of the thesis's."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Protocol, Self, runtime_checkable
 
 from semrl.concepts import Concepts
@@ -110,4 +110,13 @@ class RulesThatFire(RuleBased, Protocol):
 
     def switch_off(self, rules: Sequence[SwitchedOff]) -> None:
         """Let these rules count for nothing in what is imagined, and all others again."""
+        ...
+
+
+@runtime_checkable
+class LearnsAnew(Protocol):
+    """A world model that can learn some of what it predicts from new play alone, and keep the rest."""
+
+    def learn_anew(self, play: Sequence[Trajectory], numbers: Collection[int], *, reward: bool) -> None:
+        """Replace what it knows of some numbers of a state, and of the reward."""
         ...

@@ -1,14 +1,14 @@
 """A model of the world made of trees, learned while the game goes on (§3.4.3)."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semrl.core import Floats, History, Ints, Scenarios
+from semrl.core import Floats, History, Ints, Scenarios, Trajectory
 from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.errors import UsageError
+from semrl.world_model.config import TreesConfig
 from semrl.world_model.ensemble import GrownEnsemble
 from semrl.world_model.experience import Experience
 from semrl.world_model.rules import Rule, RuleBook, feature_names, read_tree
@@ -18,63 +18,10 @@ from semrl.world_model.trees import Forests
 
 MAX_DIMENSION = 32
 """Longest state that trees are fitted to; they look at all pairs of numbers."""
+OLD_PER_NEW = 9
+"""Remembered decisions to each new one that trees see which are grown anew in an altered world."""
 REWARD, RETURN = "the reward", "the return"
 """What rules call them."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class TreesConfig:
-    """Settings of `TreeWorld`."""
-
-    members: int = 3
-    """Forests, each grown from its own draw of the play; a reward counts what they predict on average.
-
-    When it is time, the oldest is grown anew."""
-    screening: int = 0
-    """Forests that are asked about all scenarios, the others about the best quarter alone; 0: all about all."""
-    past_states: int = 4
-    """States that are looked at, the present one included."""
-    past_actions: int = 3
-    """Actions before that are looked at: things that have inertia go on by them."""
-    distances: bool = False
-    """Whether numbers are compared along an axis alone, and by how far they lie apart as well: a contact is one cut of
-    a distance and two of a difference, which counts when there was little play."""
-    resolution: float = 1 / 255
-    """Least difference between two states that means anything; RAM features are bytes divided by 255."""
-    least_changes: float = 0.001
-    """Share of the decisions at which a number must have changed, else it is taken to stay as it is."""
-    leaf_decisions: int = 2
-    """Fewest decisions in a leaf."""
-    value_leaf_decisions: int = 20
-    """The same for the return expected beyond a scenario, which is learned from those that came; 0: none is."""
-    capacity: int = 100_000
-    """Decisions remembered, the oldest episodes first to go."""
-    most_numbers: int = 30_000_000
-    """Most numbers that a forest is grown from: of more, a draw of the decisions is laid out (some ten objects at once
-    make 600 numbers of a decision, and 100,000 decisions would take minutes a forest)."""
-    first_decisions: int = 1_000
-    """Decisions before trees are grown for the first time."""
-    new_decisions: int = 100
-    """Fewest new decisions before a forest is grown anew, which is after the next reward or the end of the episode."""
-    new_share: float = 0.03
-    """The same as a share of those that the newest was grown from."""
-
-    def leaf_rows(self, targets: int) -> list[int]:
-        """Return the fewest decisions in a leaf of each tree, that of the return last."""
-        return [self.leaf_decisions] * (targets - 1) + [max(self.value_leaf_decisions, 1)]
-
-    def __post_init__(self) -> None:
-        for name in ("members", "leaf_decisions", "capacity", "first_decisions", "new_decisions", "most_numbers"):
-            if getattr(self, name) < 1:
-                raise UsageError(f"trees.{name} must be 1 or more, not {getattr(self, name)}")
-        if not 0 <= self.screening <= self.members:
-            raise UsageError(f"trees.screening must lie in 0 … members, {self.members}, not {self.screening}")
-        if self.past_states < 2 or self.past_actions < 0:
-            raise UsageError("trees.past_states must be 2 or more and trees.past_actions 0 or more")
-        if not (self.resolution > 0 and min(self.new_share, self.value_leaf_decisions, self.least_changes) >= 0):
-            raise UsageError(
-                "trees.resolution must be above 0, new_share, value_leaf_decisions and least_changes 0 or more"
-            )
 
 
 class TreeWorld(GrownEnsemble[Experience]):
@@ -223,20 +170,47 @@ class TreeWorld(GrownEnsemble[Experience]):
         window = np.rint(history.window(c.past_states)[:, self.varying_] / np.float32(c.resolution))
         return window, history.recent(c.past_actions)
 
-    def training_set(self, buffer: Experience, rng: np.random.Generator) -> tuple[Floats, NDArray[np.float64]]:
+    def learn_anew(self, play: Sequence[Trajectory], numbers: Collection[int], *, reward: bool) -> None:
+        """Grow the trees of some numbers of a state, and of the reward, anew; a tenth of what they see is this play.
+
+        The rest is drawn from what is remembered, where that was loaded. All other trees stay as they are; so does what
+        is remembered, from which the next forest is grown again.
+        """
+        new = Experience(sum(len(episode.states) for episode in play), len(self.axes))
+        for episode in play:
+            new.add(episode)
+        changed = [target for target, number in enumerate(self.varying_.tolist()) if number in numbers]
+        changed += [len(self.varying_)] if reward else []
+        rng = np.random.default_rng([self.seed, self.seen_, len(new)])
+        rows, targets = self.training_set(new, rng, settled=True)
+        if len(self.experience):
+            old_rows, old_targets = self.training_set(self.experience, rng, settled=True)
+            drawn = rng.choice(len(old_rows), min(OLD_PER_NEW * len(rows), len(old_rows)), replace=False)
+            rows = np.concatenate([old_rows[drawn], rows])
+            targets = np.concatenate([old_targets[drawn], targets])
+        leaves = self.config.leaf_rows(targets.shape[1])
+        fresh = Forests(self.config.members)
+        fresh.fit(rows, targets[:, changed], rng, leaf_rows=[leaves[target] for target in changed])
+        self.forests.take_over(fresh, changed)
+
+    def training_set(
+        self, buffer: Experience, rng: np.random.Generator, *, settled: bool = False
+    ) -> tuple[Floats, NDArray[np.float64]]:
         """Return what trees see of decisions, ``(n, f)``, and are to predict, ``(n, k)``: changes, reward, return.
 
-        It decides which numbers vary, and which of them by themselves; those that hardly ever change are left out. Of
-        too many decisions some are drawn.
+        Unless that is settled, it decides which numbers vary, and which of them by themselves; those that hardly ever
+        change are left out. Of too many decisions some are drawn.
         """
         unit, c = np.float32(self.config.resolution), self.config
         windows, pasts, actions, rewards, following = buffer.windows(c.past_states, c.past_actions)
-        changed = (following != windows[:, 0]).mean(axis=0)
-        self.varying_ = np.flatnonzero((changed > 0) & (changed >= c.least_changes))
+        if not settled:
+            changed = (following != windows[:, 0]).mean(axis=0)
+            self.varying_ = np.flatnonzero((changed > 0) & (changed >= c.least_changes))
         windows, following = np.rint(windows[:, :, self.varying_] / unit), following[:, self.varying_]
         changes = np.rint(following / unit) - windows[:, 0]
         before = windows[:, 0] - windows[:, 1]
-        self.inertia_ = ((changes == before).mean(axis=0) > (changes == 0).mean(axis=0)).astype(np.float32)
+        if not settled:
+            self.inertia_ = ((changes == before).mean(axis=0) > (changes == 0).mean(axis=0)).astype(np.float32)
         signs = np.sign(rewards)
         returns = buffer.returns(self.discount) if c.value_leaf_decisions else np.zeros_like(signs)
         targets = np.column_stack([changes - self.inertia_ * before, signs, returns]).astype(np.float64)

@@ -87,6 +87,18 @@ class Forests:
         self._pack()
         return self
 
+    def take_over(self, others: Self, targets: Sequence[int]) -> None:
+        """Take the trees for some targets from as many other forests, which have trees for these in their order.
+
+        Rules that are switched off stay so.
+        """
+        for i, (mine, theirs) in enumerate(zip(self._grown, others._grown, strict=True)):
+            trees = [mine.tree(target) for target in range(len(mine.roots))]
+            for place, target in enumerate(targets):
+                trees[target] = theirs.tree(place)
+            self._grown[i] = _Forest.joined(trees)
+        self._pack()
+
     def switch_off(self, rules: Sequence[SwitchedOff]) -> None:
         """Let these rules count for nothing, and all others again; what was grown stays as it is."""
         self._off = tuple(rules)
@@ -94,12 +106,9 @@ class Forests:
 
     def tree(self, target: int) -> Tree:
         """Return the first forest's tree for one of the predicted numbers."""
-        forest = self._grown[0]
-        begin, end = np.append(forest.roots, len(forest.nodes))[target : target + 2]
-        nodes = forest.nodes[begin:end].astype(np.int64)
-        nodes[:, 1] -= np.where(nodes[:, 0] >= 0, begin, 0)
-        (cuts, means), (rows, errors) = forest.numbers[begin:end].T, forest.support[begin:end].T
-        return Tree(columns=nodes[:, 0], left=nodes[:, 1], cuts=cuts, means=means, rows=rows, errors=errors)
+        nodes, numbers, support = self._grown[0].tree(target)
+        (columns, left), (cuts, means), (rows, errors) = nodes.astype(np.int64).T, numbers.T, support.T
+        return Tree(columns=columns, left=left, cuts=cuts, means=means, rows=rows, errors=errors)
 
     def __call__(self, rows: Floats) -> Floats:
         """Return what each forest predicts, ``(members, b, k)``, for ``(b, d)`` rows."""
@@ -193,6 +202,13 @@ class _Forest:
             nodes[:, 1] += np.where(nodes[:, 0] >= 0, root, 0).astype(np.int32)
         nodes, numbers, support = (np.concatenate(parts) for parts in zip(*trees, strict=True))
         return cls(nodes=nodes, numbers=numbers, support=support, roots=roots)
+
+    def tree(self, target: int) -> tuple[NDArray[np.int32], Floats, Floats]:
+        """Return one of them, as `grow_tree` did."""
+        begin, end = np.append(self.roots, len(self.nodes))[target : target + 2]
+        nodes = self.nodes[begin:end].copy()
+        nodes[:, 1] -= np.where(nodes[:, 0] >= 0, begin, 0).astype(np.int32)
+        return nodes, self.numbers[begin:end], self.support[begin:end]
 
     def to_arrays(self) -> Arrays:
         """Return the trees."""

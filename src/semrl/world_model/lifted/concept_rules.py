@@ -1,6 +1,6 @@
 """Rules of concepts, read from the newest play, whatever the world model is made of."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import groupby, islice
 
@@ -89,11 +89,32 @@ class ConceptRules:
         episodes
             With what was predicted at each decision.
         """
-        play = Play(sum(len(one.trajectory.states) for one in episodes))
-        for one in episodes:
-            play.add(one.trajectory)
+        play = _joined(one.trajectory for one in episodes)
         objects = play.objects(self.concepts)
         return [check_list(one, play, objects, episodes) for one in self._read()] if len(play) else []
+
+    def held(self, actions: Sequence[str], trajectories: Sequence[Trajectory]) -> list[tuple[Rule, int, int]]:
+        """Return how all rules but "otherwise" held in some play: each, how often it was right, and of how many times.
+
+        Parameters
+        ----------
+        actions
+            Names of the actions.
+        trajectories
+            The play.
+        """
+        play = _joined(trajectories)
+        objects = play.objects(self.concepts)
+        found = []
+        for one in self._read() if len(play) else ():
+            about = one.vocabulary.about
+            rows, targets, *_ = samples_of(play, objects, about.concept, about.kinds)
+            counts = one.held(rows, targets)
+            found += [
+                (_with_names(rule, one.about, actions), right, of)
+                for rule, (right, of) in zip(one.rules, counts, strict=False)
+            ]
+        return found
 
     def to_arrays(self) -> Arrays:
         """Return what is remembered."""
@@ -108,6 +129,15 @@ class ConceptRules:
         if self._lists is None:
             self._lists = read_play(self.play, self.concepts) if self.concepts.is_fitted and len(self.play) else []
         return self._lists
+
+
+def _joined(trajectories: Iterable[Trajectory]) -> Play:
+    """Return episodes as play of their own."""
+    episodes = list(trajectories)
+    play = Play(sum(len(one.states) for one in episodes))
+    for one in episodes:
+        play.add(one)
+    return play
 
 
 def read_play(play: Play, concepts: Concepts) -> list[DecisionList]:

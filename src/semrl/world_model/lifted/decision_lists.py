@@ -22,6 +22,7 @@ from semrl.world_model.lifted.events import (
     turns_of,
     upsets_of,
 )
+from semrl.world_model.lifted.features import ACTION
 from semrl.world_model.lifted.steering import effects_of, moves, steered_by
 from semrl.world_model.lifted.vocabulary import About, Mask, Vocabulary
 from semrl.world_model.rules import Rule
@@ -56,6 +57,20 @@ class DecisionList:
         for rule, code in reversed(list(zip(self.rules, self.codes, strict=False))):
             said[np.logical_and.reduce([literals[name] for name in rule.conditions])] = code
         return said
+
+    def held(self, rows: Floats, targets: Floats) -> list[tuple[int, int]]:
+        """Return of each rule in how many of ``(n, f)`` rows it was right, and in how many it was the first to hold.
+
+        Counted as its support is; an "otherwise" has no conditions that could hold.
+        """
+        came = self.came(rows, targets)
+        literals = self.vocabulary.literals(rows) if self.codes else _actions_in(rows, self.rules)
+        left, counts = ~np.isnan(came), []
+        for rule, code in zip(self.rules, self.codes or (1.0,) * len(self.rules), strict=False):
+            holds = left & np.logical_and.reduce([literals[name] for name in rule.conditions])
+            counts.append((int((np.sign(came[holds]) == np.sign(code)).sum()), int(holds.sum())))
+            left &= ~holds
+        return counts
 
 
 def read_lists(rows: Floats, targets: Floats, about: About, n_actions: int) -> list[DecisionList]:
@@ -105,6 +120,11 @@ def joined_lists(lists: Sequence[Sequence[DecisionList]]) -> list[DecisionList]:
     rewards = [one for one in lists[best] if one.about == REWARD] if best >= 0 else []
     ordered = sorted(range(len(lists)), key=lambda i: i != best)
     return rewards + [one for i in ordered for one in lists[i] if one.about != REWARD]
+
+
+def _actions_in(rows: Floats, effects: Sequence[Rule]) -> Literals:
+    """Return where the actions were taken that rules about their effects speak of, each of one condition."""
+    return {name: rows[:, ACTION] == int(name.partition("#")[2]) for (name,) in (rule.conditions for rule in effects)}
 
 
 def _rewards(rows: Floats, targets: Floats, vocabulary: Vocabulary, literals: Literals) -> list[DecisionList]:
