@@ -226,8 +226,8 @@ def test_before_and_after_an_end_are_not_mixed_up():
     """The first state of an episode follows from nothing."""
     lived = [rally(40, seed) for seed in range(3)]
     made = learned(CONFIG, *lived)
-    rows, targets = made.training_set(made.experience, np.random.default_rng(0))
-    assert len(rows) == 120
+    rows, targets, other = made.training_set(made.experience, np.random.default_rng(0))
+    assert len(rows) == 120 and other is None
     for i, episode in enumerate(lived):
         changes = np.diff(episode.states, axis=0)
         changes[1:] -= made.inertia_ * changes[:-1].copy()

@@ -98,6 +98,9 @@ class TreesConfig:
     distances: bool = False
     """Whether numbers are compared along an axis alone, and by how far they lie apart as well: a contact is one cut of
     a distance and two of a difference, which counts when there was little play."""
+    counterfactuals: bool = False
+    """Whether things that fly by themselves are learned from decisions at which far things have changed places: else
+    trees take what goes together for what causes what (Pitis et al. 2020)."""
     resolution: float = 1 / 255
     """Least difference between two states that means anything; RAM features are bytes divided by 255."""
     least_changes: float = 0.001

@@ -1,6 +1,7 @@
 """A model of the world made of trees, learned while the game goes on (§3.4.3)."""
 
 from collections.abc import Callable, Collection, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,12 +10,13 @@ from semrl.core import Floats, History, Ints, Scenarios, Trajectory
 from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.errors import UsageError
 from semrl.world_model.config import TreesConfig
+from semrl.world_model.counterfactuals import NO_AXIS, Decisions, local_things, rearranged, things_of
 from semrl.world_model.ensemble import GrownEnsemble
 from semrl.world_model.experience import Experience
 from semrl.world_model.rules import Rule, RuleBook, feature_names, read_tree
 from semrl.world_model.switching import SwitchedOff
 from semrl.world_model.tree_kernels import Relations, lay_out, width
-from semrl.world_model.trees import Forests
+from semrl.world_model.trees import Forests, OtherRows
 
 MAX_DIMENSION = 32
 """Longest state that trees are fitted to; they look at all pairs of numbers."""
@@ -22,6 +24,17 @@ OLD_PER_NEW = 9
 """Remembered decisions to each new one that trees see which are grown anew in an altered world."""
 REWARD, RETURN = "the reward", "the return"
 """What rules call them."""
+
+
+class TrainingSet(NamedTuple):
+    """What trees see of decisions, and are to predict."""
+
+    rows: Floats
+    """``(n, f)``."""
+    targets: NDArray[np.float64]
+    """``(n, k)``, changes, reward, return."""
+    other: OtherRows | None
+    """What those of local things learn from in place of it."""
 
 
 class TreeWorld(GrownEnsemble[Experience]):
@@ -47,6 +60,8 @@ class TreeWorld(GrownEnsemble[Experience]):
     inertia_ : ndarray
         ``(k,)`` float32, 1 for those of them that mostly change as they just did, like a ball in flight: of these the
         trees predict how the change changes. 0 for the others.
+    local_ : ndarray
+        ``(m,)`` int64, things (`things_of`) that are predicted as well from what is near alone.
     grown_ : ndarray
         ``(members,)`` int64, decisions after which each forest was grown; 0 before.
 
@@ -79,6 +94,8 @@ class TreeWorld(GrownEnsemble[Experience]):
         self.varying_ = np.arange(dimension)
         self._compared = self.varying_, self._pairs()  # which varied when these were the pairs
         self.inertia_ = np.zeros(dimension, np.float32)
+        self.local_: Ints = np.zeros(0, np.int64)
+        self._judged = 0
 
     @property
     def experience(self) -> Experience:
@@ -167,8 +184,7 @@ class TreeWorld(GrownEnsemble[Experience]):
     def _past(self, history: History) -> tuple[Floats, Floats]:
         """Return the states, in units of the resolution, and actions that are looked at, the newest first."""
         c = self.config
-        window = np.rint(history.window(c.past_states)[:, self.varying_] / np.float32(c.resolution))
-        return window, history.recent(c.past_actions)
+        return self._in_units(history.window(c.past_states)), history.recent(c.past_actions)
 
     def learn_anew(self, play: Sequence[Trajectory], numbers: Collection[int], *, reward: bool) -> None:
         """Grow the trees of some numbers of a state, and of the reward, anew; a tenth of what they see is this play.
@@ -182,9 +198,9 @@ class TreeWorld(GrownEnsemble[Experience]):
         changed = [target for target, number in enumerate(self.varying_.tolist()) if number in numbers]
         changed += [len(self.varying_)] if reward else []
         rng = np.random.default_rng([self.seed, self.seen_, len(new)])
-        rows, targets = self.training_set(new, rng, settled=True)
+        rows, targets, _ = self.training_set(new, rng, settled=True)
         if len(self.experience):
-            old_rows, old_targets = self.training_set(self.experience, rng, settled=True)
+            old_rows, old_targets, _ = self.training_set(self.experience, rng, settled=True)
             drawn = rng.choice(len(old_rows), min(OLD_PER_NEW * len(rows), len(old_rows)), replace=False)
             rows = np.concatenate([old_rows[drawn], rows])
             targets = np.concatenate([old_targets[drawn], targets])
@@ -193,32 +209,65 @@ class TreeWorld(GrownEnsemble[Experience]):
         fresh.fit(rows, targets[:, changed], rng, leaf_rows=[leaves[target] for target in changed])
         self.forests.take_over(fresh, changed)
 
-    def training_set(
-        self, buffer: Experience, rng: np.random.Generator, *, settled: bool = False
-    ) -> tuple[Floats, NDArray[np.float64]]:
-        """Return what trees see of decisions, ``(n, f)``, and are to predict, ``(n, k)``: changes, reward, return.
+    def training_set(self, buffer: Experience, rng: np.random.Generator, *, settled: bool = False) -> TrainingSet:
+        """Return what trees see of decisions and are to predict: changes, reward, return.
 
-        Unless that is settled, it decides which numbers vary, and which of them by themselves; those that hardly ever
-        change are left out. Of too many decisions some are drawn.
+        Unless that is settled, it decides which numbers vary, which of them by themselves, and which things are local;
+        numbers that hardly ever change are left out. Of too many decisions some are drawn.
         """
-        unit, c = np.float32(self.config.resolution), self.config
+        c = self.config
         windows, pasts, actions, rewards, following = buffer.windows(c.past_states, c.past_actions)
+        play = Decisions(np.concatenate([following[:, None], windows], axis=1), pasts, actions)
         if not settled:
-            changed = (following != windows[:, 0]).mean(axis=0)
-            self.varying_ = np.flatnonzero((changed > 0) & (changed >= c.least_changes))
-        windows, following = np.rint(windows[:, :, self.varying_] / unit), following[:, self.varying_]
-        changes = np.rint(following / unit) - windows[:, 0]
-        before = windows[:, 0] - windows[:, 1]
-        if not settled:
-            self.inertia_ = ((changes == before).mean(axis=0) > (changes == 0).mean(axis=0)).astype(np.float32)
+            self._settle(play, rng)
         signs = np.sign(rewards)
         returns = buffer.returns(self.discount) if c.value_leaf_decisions else np.zeros_like(signs)
-        targets = np.column_stack([changes - self.inertia_ * before, signs, returns]).astype(np.float64)
         most = max(c.most_numbers // self._columns, 1)
-        if len(targets) > most:
-            drawn = np.sort(rng.choice(len(targets), most, replace=False))
-            windows, pasts, actions, targets = windows[drawn], pasts[drawn], actions[drawn], targets[drawn]
-        return lay_out(windows, pasts, actions, self.relations_), targets
+        if len(actions) > most:
+            drawn = np.sort(rng.choice(len(actions), most, replace=False))
+            play, signs, returns = play.take(drawn), signs[drawn], returns[drawn]
+        rows, changes = self._lesson(play)
+        targets = np.column_stack([changes, signs, returns]).astype(np.float64)
+        return TrainingSet(rows, targets, self._local_lesson(play, rng) if len(self.local_) else None)
+
+    def _settle(self, play: Decisions, rng: np.random.Generator) -> None:
+        """Decide which numbers vary, which by themselves and, whenever play has doubled, which things are local."""
+        states = play.states
+        changed = (states[:, 0] != states[:, 1]).mean(axis=0)
+        self.varying_ = np.flatnonzero((changed > 0) & (changed >= self.config.least_changes))
+        self.inertia_ = np.zeros(len(self.varying_), np.float32)
+        numbers = self._in_units(states)
+        changes, before = numbers[:, 0] - numbers[:, 1], numbers[:, 1] - numbers[:, 2]
+        self.inertia_ = ((changes == before).mean(axis=0) > (changes == 0).mean(axis=0)).astype(np.float32)
+        if self.config.counterfactuals and NO_AXIS in self.axes and len(states) >= 2 * self._judged:
+            self._judged = len(states)
+            flying = self.varying_[(self.inertia_ > 0) & (self.axes[self.varying_] != NO_AXIS)]
+            self.local_ = local_things(play, flying, self.axes, self._lesson_of, rng)
+
+    def _in_units(self, states: Floats) -> Floats:
+        """Return the numbers that vary of ``(…, d)`` states, in units of the resolution."""
+        numbers: Floats = np.rint(states[..., self.varying_] / np.float32(self.config.resolution))
+        return numbers
+
+    def _lesson(self, play: Decisions) -> tuple[Floats, Floats]:
+        """Return what trees see of decisions, ``(n, f)``, and by how much numbers change, ``(n, v)``."""
+        numbers = self._in_units(play.states)
+        changes, before = numbers[:, 0] - numbers[:, 1], numbers[:, 1] - numbers[:, 2]
+        rows = lay_out(numbers[:, 1:], play.pasts, play.actions, self.relations_)
+        return rows, changes - self.inertia_ * before
+
+    def _lesson_of(self, play: Decisions, numbers: Ints) -> tuple[Floats, Floats]:
+        """Return the same for some of the numbers alone."""
+        rows, changes = self._lesson(play)
+        return rows, changes[:, np.searchsorted(self.varying_, numbers)]
+
+    def _local_lesson(self, play: Decisions, rng: np.random.Generator) -> OtherRows:
+        """Return what trees of local things see: far things have changed places."""
+        mine = np.isin(things_of(self.axes), self.local_) & (self.axes != NO_AXIS)
+        columns = np.flatnonzero(mine[self.varying_])
+        states = rearranged(play.states, self.axes, rng)
+        rows, changes = self._lesson(Decisions(states, play.pasts, play.actions))
+        return OtherRows(columns.tolist(), rows, changes[:, columns].astype(np.float64))
 
     def to_arrays(self) -> Arrays:
         """Return trees and memory."""
@@ -230,6 +279,7 @@ class TreeWorld(GrownEnsemble[Experience]):
             "counts": np.array([self.seen_, *self.grown_]),
             "varying": self.varying_,
             "inertia": self.inertia_,
+            "local": np.array([self._judged, *self.local_]),
             "columns": np.array(self._columns),
         }
         return nest(forests=self.forests.to_arrays()) | own
@@ -240,6 +290,8 @@ class TreeWorld(GrownEnsemble[Experience]):
             self.experience.from_arrays(experience)
         self.forests.from_arrays(unnest(arrays, "forests"))
         self.varying_, self.inertia_ = arrays["varying"], arrays["inertia"]
+        self._judged, *local = arrays.get("local", np.zeros(1, np.int64)).tolist()  # older checkpoints have none
+        self.local_ = np.array(local, np.int64)
         self.seen_, self.grown_ = int(arrays["counts"][0]), arrays["counts"][1:].copy()
         if int(arrays["columns"]) != self._columns:
             raise ValueError(f"its trees look at {int(arrays['columns'])} numbers, not {self._columns}")
@@ -250,12 +302,15 @@ class TreeWorld(GrownEnsemble[Experience]):
 
     def _prepared(self, memory: Experience, rng: np.random.Generator) -> tuple[Callable[[int | None], None], bool]:
         c = self.config
-        known = self.varying_, self.inertia_
-        rows, targets = self.training_set(memory, rng)
+        before = list[NDArray[Any]]([self.varying_, self.inertia_, self.local_])
+        rows, targets, other = self.training_set(memory, rng)
         leaves = c.leaf_rows(targets.shape[1])
         hidden_column = rows.shape[1] - 1 - c.past_actions  # the action
 
         def grow(member: int | None) -> None:
-            self.forests.fit(rows, targets, rng, leaf_rows=leaves, hidden_column=hidden_column, member=member)
+            self.forests.fit(
+                rows, targets, rng, leaf_rows=leaves, hidden_column=hidden_column, member=member, other=other
+            )
 
-        return grow, np.array_equal(known[0], self.varying_) and np.array_equal(known[1], self.inertia_)
+        after = list[NDArray[Any]]([self.varying_, self.inertia_, self.local_])
+        return grow, all(np.array_equal(*pair) for pair in zip(before, after, strict=True))

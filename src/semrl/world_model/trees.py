@@ -8,7 +8,7 @@ there was much play; where they do not, a plan should not trust one of them.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,17 @@ class Tree:
     """``(m,)`` float32: how many rows it was grown from, and their mean squared error."""
 
 
+class OtherRows(NamedTuple):
+    """Other rows that some trees learn from."""
+
+    columns: Sequence[int]
+    """Which of the targets."""
+    rows: Floats
+    """``(n, d)``, as many as all others."""
+    targets: NDArray[np.float64]
+    """``(n, len(columns))``."""
+
+
 class Forests:
     """Regression trees for every number to be predicted, several of each.
 
@@ -61,12 +72,14 @@ class Forests:
         leaf_rows: Sequence[int],
         hidden_column: int | None = None,
         member: int | None = None,
+        other: OtherRows | None = None,
     ) -> Self:
         """Grow trees for each column of ``(n, k)`` targets from ``(n, d)`` rows: those of a member, or all.
 
         A single forest learns from all rows, each of several from as many rows drawn with replacement. A tree's leaf
         has at least its number of ``leaf_rows``, ``(k,)``. The last tree does not look at ``hidden_column``.
-        Where all are grown, no rule is switched off any more: the columns may be others.
+        Where all are grown, no rule is switched off any more: the columns may be others. Some may learn from other
+        rows than the rest.
         """
         if member is None:
             self._off = ()
@@ -74,13 +87,17 @@ class Forests:
         hidden = places.copy()
         if hidden_column is not None:
             hidden[hidden_column] = 0
-        sights = [places] * (targets.shape[1] - 1) + [hidden]
-        columns = [np.ascontiguousarray(column, np.float64) for column in targets.T]
+        lessons = [(places, cuts, column) for column in _columns(targets)]
+        lessons[-1] = hidden, *lessons[-1][1:]
+        if other is not None:
+            places, cuts = bins_of(other.rows)
+            for target, column in zip(other.columns, _columns(other.targets), strict=True):
+                lessons[target] = places, cuts, column
         for i in range(self.members) if member is None else (member,):
             drawn = rng.integers(len(rows), size=len(rows)) if self.members > 1 else np.arange(len(rows))
             trees = [
-                Started(partial(grow_tree, part, cuts, column, drawn, leaf))
-                for part, column, leaf in zip(sights, columns, leaf_rows, strict=True)
+                Started(partial(grow_tree, *lesson, drawn, leaf))
+                for lesson, leaf in zip(lessons, leaf_rows, strict=True)
             ]
             last_first = [tree.result() for tree in reversed(trees)]  # from the end on, what has not begun
             self._grown[i] = _Forest.joined(last_first[::-1])
@@ -213,3 +230,7 @@ class _Forest:
     def to_arrays(self) -> Arrays:
         """Return the trees."""
         return {"nodes": self.nodes, "numbers": self.numbers, "support": self.support, "roots": self.roots}
+
+
+def _columns(targets: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    return [np.ascontiguousarray(column, np.float64) for column in targets.T]
