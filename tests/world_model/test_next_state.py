@@ -157,3 +157,19 @@ def test_what_is_infinite_is_told_as_divergence():
 def test_bad_parameters_are_refused(values):
     with pytest.raises(UsageError, match=next(iter(values))):
         NextStateConfig(**values)
+
+
+def test_what_is_predicted_stays_within_what_was_seen():
+    """Fed its own predictions, a network goes astray without bound."""
+    data = linear(400)
+    ends = {}
+    for within_seen in (True, False):
+        model = learned(NextStateConfig(within_seen=within_seen, hidden_units=(8,), epochs=1), data)
+        state, before = 50 * data.states[:3], data.previous[:3]
+        ends[within_seen] = model.predict(state, before, data.actions[:3])
+    low, high = data.next_states.min(axis=0), data.next_states.max(axis=0)
+    assert ((ends[True] >= low) & (ends[True] <= high)).all()
+    assert not ((ends[False] >= low) & (ends[False] <= high)).all()
+    restored = NextStateNetwork(model.config, data.states.shape[1], N_ACTIONS)
+    restored.from_arrays(copied(model))
+    np.testing.assert_array_equal(restored.predict(state, before, data.actions[:3]), ends[False])

@@ -27,6 +27,9 @@ class NextStateConfig:
     predict_change: bool = False
     """Predict what changes in place of the whole state, inputs and changes scaled as in the first episode, with the
     squared error linear beyond 1."""
+    within_seen: bool = True
+    """Keep every number of a predicted state within the range of those learned from: where a network is fed its own
+    predictions, errors grow without bound."""
 
     def __post_init__(self) -> None:
         if min(*self.hidden_units, self.batch_size, self.epochs) < 1:

@@ -25,7 +25,7 @@ class NextStateNetwork(NetworkModel):
         Of weights and the order of transitions.
     """
 
-    SAVED = (*NetworkModel.SAVED, "_change_scale")
+    SAVED = (*NetworkModel.SAVED, "_change_scale", "_low", "_high")
 
     def __init__(self, config: NextStateConfig, dimension: int, n_actions: int, *, seed: int = 0) -> None:
         network = DenseNetwork(
@@ -41,10 +41,14 @@ class NextStateNetwork(NetworkModel):
         super().__init__(network, dimension, n_actions)
         self.config = config
         self._change_scale = np.ones(dimension, np.float32)
+        self._low = np.full(dimension, np.inf, np.float32)
+        self._high = np.full(dimension, -np.inf, np.float32)
 
     def partial_fit(self, transitions: Transitions) -> Self:
         """Learn in one pass over some transitions."""
         targets = transitions.next_states
+        self._low = np.minimum(self._low, targets.min(axis=0, initial=np.inf))
+        self._high = np.maximum(self._high, targets.max(axis=0, initial=-np.inf))
         if self.config.predict_change:
             changes = targets - transitions.states
             if not self.is_fitted:
@@ -59,4 +63,8 @@ class NextStateNetwork(NetworkModel):
     def predict(self, states: Floats, previous: Floats, actions: Ints) -> Floats:
         """Return the next states, ``(b, d)`` float32."""
         predicted = self.network(self._rows(states, previous, actions))
-        return states + predicted * self._change_scale if self.config.predict_change else predicted
+        if self.config.predict_change:
+            predicted = states + predicted * self._change_scale
+        if self.config.within_seen and self.is_fitted:
+            np.clip(predicted, self._low, self._high, out=predicted)
+        return predicted
