@@ -53,7 +53,7 @@ def plain():
 
 @pytest.fixture(scope="module")
 def local():
-    return learned(counterfactuals=True)
+    return learned(counterfactuals_from=1)
 
 
 def right(model, play):

@@ -101,9 +101,9 @@ class TreesConfig:
     distances: bool = False
     """Whether numbers are compared along an axis alone, and by how far they lie apart as well: a contact is one cut of
     a distance and two of a difference, which counts when there was little play."""
-    counterfactuals: bool = False
-    """Whether things that fly by themselves are learned from decisions at which far things have changed places: else
-    trees take what goes together for what causes what (Pitis et al. 2020)."""
+    counterfactuals_from: int = 0
+    """Decisions from which on things that fly by themselves are learned from play in which far things have changed
+    places: else trees take what goes together for what causes what (Pitis et al. 2020); 0: never."""
     resolution: float = 1 / 255
     """Least difference between two states that means anything; RAM features are bytes divided by 255."""
     least_changes: float = 0.001
@@ -134,6 +134,8 @@ class TreesConfig:
                 raise UsageError(f"trees.{name} must be 1 or more, not {getattr(self, name)}")
         if not 0 <= self.screening <= self.members:
             raise UsageError(f"trees.screening must lie in 0 … members, {self.members}, not {self.screening}")
+        if self.counterfactuals_from < 0:
+            raise UsageError(f"trees.counterfactuals_from must be 0 or more, not {self.counterfactuals_from}")
         if self.past_states < 2 or self.past_actions < 0:
             raise UsageError("trees.past_states must be 2 or more and trees.past_actions 0 or more")
         if not (self.resolution > 0 and min(self.new_share, self.value_leaf_decisions, self.least_changes) >= 0):

@@ -239,7 +239,8 @@ class TreeWorld(GrownEnsemble[Experience]):
         numbers = self._in_units(states)
         changes, before = numbers[:, 0] - numbers[:, 1], numbers[:, 1] - numbers[:, 2]
         self.inertia_ = ((changes == before).mean(axis=0) > (changes == 0).mean(axis=0)).astype(np.float32)
-        if self.config.counterfactuals and NO_AXIS in self.axes and len(states) >= 2 * self._judged:
+        begin = self.config.counterfactuals_from
+        if begin and NO_AXIS in self.axes and len(states) >= max(begin, 2 * self._judged):
             self._judged = len(states)
             flying = self.varying_[(self.inertia_ > 0) & (self.axes[self.varying_] != NO_AXIS)]
             self.local_ = local_things(play, flying, self.axes, self._lesson_of, rng)
