@@ -15,7 +15,6 @@ from semrl.core.strict_json import dumps
 from semrl.evaluation.changes import Change, Changes, adapted, find_changes, require_learning_anew
 from semrl.evaluation.player import Player, load_player
 from semrl.evaluation.scores import EVALUATION_SEED
-from semrl.training.loop import Step
 from semrl.training.session import limited_threads
 
 WAYS = {
@@ -74,15 +73,7 @@ def main(argv: Sequence[str]) -> None:
         player = player.under(max_decisions=arguments.max_decisions)
     total = 2 * arguments.decisions
     with PlayProgress("compare", total, "decisions") as progress:
-        played = 0
-
-        def on_step(step: Step) -> None:
-            nonlocal played
-            if step.action is not None:
-                played += 1
-                progress.update(played, played)
-
-        changes = find_changes(player, arguments.env_variant, decisions=arguments.decisions, on_step=on_step)
+        changes = find_changes(player, arguments.env_variant, decisions=arguments.decisions, on_step=progress.count)
     scores = _scores(player, changes, arguments.episodes)
     if arguments.json:
         print(dumps(_as_json(arguments, changes, scores)))

@@ -12,7 +12,6 @@ from semrl.cli.progress import PlayProgress, show_summary
 from semrl.core.strict_json import dumps
 from semrl.evaluation.player import Policy
 from semrl.evaluation.prediction import Quality, world_model_accuracy
-from semrl.training.loop import Step
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,22 +41,14 @@ class PredictArguments:
 def main(argv: Sequence[str]) -> None:
     """Parse, play, compare, print."""
     arguments = parse(PredictArguments, argv, command="predict")
-    played = 0
     with PlayProgress("predict", arguments.decisions, "decisions") as progress:
-
-        def on_step(step: Step) -> None:
-            nonlocal played
-            if step.action is not None:
-                played += 1
-                progress.update(played, played)
-
         quality = world_model_accuracy(
             arguments.run,
             decisions=arguments.decisions,
             seed=arguments.seed,
             policy=arguments.policy,
             at=arguments.at,
-            on_step=on_step,
+            on_step=progress.count,
         )
     if arguments.json:
         print(dumps({"run": str(arguments.run), **dataclasses.asdict(quality)}))

@@ -23,6 +23,7 @@ from rich.text import Text
 
 if TYPE_CHECKING:  # importing them takes seconds, which commands that show a table should not cost
     from semrl.training.config import RunConfig
+    from semrl.training.loop import Step
     from semrl.training.trainer import Row, Trainer
 
 
@@ -170,6 +171,7 @@ class PlayProgress:
         self._bars = progress_bars()
         self._lines = None if error_console.is_terminal else ProgressLines(say)
         self._shown_at = 0.0
+        self._counted = 0
 
     def __enter__(self) -> Self:
         return self
@@ -181,6 +183,12 @@ class PlayProgress:
             self._lines.close()
         elif self._bars.tasks:
             self._bars.stop()
+
+    def count(self, step: "Step") -> None:
+        """Note one decision more, where decisions are what is counted; the beginning of an episode is none."""
+        if step.action is not None:
+            self._counted += 1
+            self.update(self._counted, self._counted)
 
     def update(self, done: int, decisions: int, note: Callable[[], str] = str) -> None:
         """Note how far it is, a few times a second."""

@@ -15,7 +15,6 @@ from semrl.core.strict_json import dumps
 from semrl.evaluation.player import load_player
 from semrl.evaluation.rule_check import CHECKED_DECISIONS, check_rules
 from semrl.evaluation.rules import load_rules, with_checks
-from semrl.training.loop import Step
 from semrl.world_model.lifted.checking import Check
 from semrl.world_model.rules import Rule, sentence
 
@@ -72,16 +71,8 @@ def main(argv: Sequence[str]) -> None:
 def _checks(arguments: RulesArguments) -> list[Check]:
     """Play and check; without the environment, say that this was not done."""
     with PlayProgress("check", arguments.check, "decisions") as progress:
-        played = 0
-
-        def on_step(step: Step) -> None:
-            nonlocal played
-            if step.action is not None:
-                played += 1
-                progress.update(played, played)
-
         try:
-            return check_rules(load_player(arguments.run), decisions=arguments.check, on_step=on_step)
+            return check_rules(load_player(arguments.run), decisions=arguments.check, on_step=progress.count)
         except (NoEnvironmentError, MissingExtraError) as error:
             error_console.print(f"not checked: {escape(str(error))}", soft_wrap=True)
             return []
