@@ -1,8 +1,7 @@
 """``semrl changes``: what is different in an altered world, and what learning just that anew is worth."""
 
-import contextlib
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,10 +11,8 @@ from semrl.cli.arguments import parse
 from semrl.cli.progress import PlayProgress, console, show_summary
 from semrl.core.errors import UsageError
 from semrl.core.strict_json import dumps
-from semrl.evaluation.changes import Change, Changes, adapted, find_changes, require_learning_anew
+from semrl.evaluation.changes import Change, Changes, find_changes, planner_returns, require_learning_anew
 from semrl.evaluation.player import Player, load_player
-from semrl.evaluation.scores import EVALUATION_SEED
-from semrl.training.session import limited_threads
 
 WAYS = {
     "": "as it is",
@@ -24,6 +21,9 @@ WAYS = {
     "mirrored+upside_down": "turned round by half a turn",
 }
 """How people say how a picture is turned."""
+
+Scores = tuple[list[float], list[float]]
+"""Returns of the planner's games in the altered world, before and after it has learned anew."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,14 +52,6 @@ class ChangesArguments:
     """Print one JSON object as the only line of standard output."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Scores:
-    """Returns of the planner's games in the altered world."""
-
-    before: list[float]
-    after: list[float]
-
-
 def main(argv: Sequence[str]) -> None:
     """Parse, play, compare, print."""
     arguments = parse(ChangesArguments, argv, command="changes")
@@ -71,44 +63,31 @@ def main(argv: Sequence[str]) -> None:
         require_learning_anew(player)
     if arguments.max_decisions is not None:
         player = player.under(max_decisions=arguments.max_decisions)
-    total = 2 * arguments.decisions
-    with PlayProgress("compare", total, "decisions") as progress:
+    with PlayProgress("compare", 2 * arguments.decisions, "decisions") as progress:
         changes = find_changes(player, arguments.env_variant, decisions=arguments.decisions, on_step=progress.count)
-    scores = _scores(player, changes, arguments.episodes)
+    returns = _scores(arguments, player, changes)
     if arguments.json:
-        print(dumps(_as_json(arguments, changes, scores)))
+        print(dumps(_as_json(arguments, changes, returns)))
         return
-    _show(changes, scores)
+    _show(changes, returns)
 
 
-def _scores(player: Player, changes: Changes, episodes: int) -> Scores:
+def _scores(arguments: ChangesArguments, player: Player, changes: Changes) -> Scores:
     """Let the planner play before and after it has learned anew."""
-    if not episodes:
-        return Scores(before=[], after=[])
-    with PlayProgress("play", 2 * episodes, "episodes") as progress:
-        done = decisions = 0
+    if not arguments.episodes:
+        return [], []
+    with PlayProgress("play", 2 * arguments.episodes, "episodes") as progress:
+        done = played = 0
 
-        def on_episode(length: int) -> None:
-            nonlocal done, decisions
-            done, decisions = done + 1, decisions + length
-            progress.update(done, decisions)
+        def on_episode(_total: float, decisions: int) -> None:
+            nonlocal done, played
+            done, played = done + 1, played + decisions
+            progress.update(done, played)
 
-        before = _returns(player.under(variant=changes.variant), episodes, on_episode)
-        return Scores(before=before, after=_returns(adapted(player, changes), episodes, on_episode))
-
-
-def _returns(player: Player, episodes: int, on_episode: Callable[[int], None]) -> list[float]:
-    returns, seed = [], player.config.seed + EVALUATION_SEED
-    with limited_threads(player.config.threads), contextlib.closing(player.new_env()) as env:
-        for number in range(episodes):
-            for step in player.episode(number, seed, "planner", env):
-                last = step
-            returns.append(last.total)
-            on_episode(last.number)
-    return returns
+        return planner_returns(arguments.run, player, changes, arguments.episodes, on_episode)
 
 
-def _as_json(arguments: ChangesArguments, changes: Changes, scores: Scores) -> dict[str, object]:
+def _as_json(arguments: ChangesArguments, changes: Changes, returns: Scores) -> dict[str, object]:
     return {
         "run": str(arguments.run),
         "variant": changes.variant,
@@ -117,8 +96,8 @@ def _as_json(arguments: ChangesArguments, changes: Changes, scores: Scores) -> d
         "expected": changes.expected,
         "facts": [_change_as_json(change) for change in changes.facts],
         "rules": [_change_as_json(change) for change in changes.rules],
-        "returns_before": scores.before,
-        "returns_after": scores.after,
+        "returns_before": returns[0],
+        "returns_after": returns[1],
     }
 
 
@@ -126,7 +105,7 @@ def _change_as_json(change: Change) -> dict[str, object]:
     return dataclasses.asdict(change) | {"broken": change.is_broken}
 
 
-def _show(changes: Changes, scores: Scores) -> None:
+def _show(changes: Changes, returns: Scores) -> None:
     shares = ", ".join(f"{WAYS[name]} {share:.0%}" for name, share in changes.expected.items())
     console.print(f"[bold]the picture[/bold]  {WAYS[changes.reflection]}", soft_wrap=True, highlight=False)
     console.print(f"  all comes as predicted in: {shares}", soft_wrap=True, highlight=False)
@@ -136,8 +115,9 @@ def _show(changes: Changes, scores: Scores) -> None:
         console.print(f"[bold]{title}[/bold]  {says}", soft_wrap=True, highlight=False)
         for change in broken:
             console.print(f"  {_sentence(change)}", soft_wrap=True, markup=False, highlight=False)
-    if scores.before:
-        show_summary({"planner, before": _games(scores.before), "planner, after": _games(scores.after)})
+    before, after = returns
+    if before:
+        show_summary({"planner, before": _games(before), "planner, after": _games(after)})
 
 
 def _sentence(change: Change) -> str:

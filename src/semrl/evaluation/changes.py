@@ -4,8 +4,10 @@ Of the reflections of the picture the one is taken in which most comes as predic
 predicted than in the world of the training has changed: numbers of the facts, the reward, rules about concepts.
 """
 
+import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +15,15 @@ from scipy.stats import fisher_exact
 
 from semrl.core.errors import UsageError
 from semrl.core.state import StateSpace
+from semrl.evaluation.games import Asked, play_games
 from semrl.evaluation.player import Player
 from semrl.evaluation.rule_check import predicted_play
+from semrl.evaluation.scores import EVALUATION_SEED
 from semrl.planning.module import PlanningModule
 from semrl.training.loop import Step
+from semrl.training.session import limited_threads
 from semrl.world_model.lifted.checking import PredictedEpisode
+from semrl.world_model.lifted.events import REWARD
 from semrl.world_model.protocol import LearnsAnew
 from semrl.world_model.rules import sentence
 
@@ -26,8 +32,6 @@ REFLECTIONS = ("", "mirrored", "upside_down", "mirrored+upside_down")
 
 RECOGNISING = 100
 """Decisions that are played with the picture turned in each of these ways."""
-
-REWARD = "the reward"
 
 _NEAR = 0.01  # of the range of a fact: what is predicted so near came as predicted
 _LEAST_DROP = 0.02  # of a share, that counts as a change
@@ -98,7 +102,7 @@ def find_changes(
     Raises
     ------
     UsageError
-        When too few decisions are asked for, or there is no such variant.
+        When too few decisions are asked for, there is no such variant, or its episodes are too short to compare.
     """
     left = decisions - RECOGNISING * len(REFLECTIONS)
     if left < RECOGNISING:
@@ -133,6 +137,8 @@ def turned(variant: str, reflection: str) -> str:
 def adapted(player: Player, changes: Changes) -> Player:
     """Return the player in the altered world: it turns the picture, and its planner has learned anew what has changed.
 
+    The world model is that of the player that is given, who knows it from then on too.
+
     Raises
     ------
     UsageError
@@ -142,6 +148,25 @@ def adapted(player: Player, changes: Changes) -> Player:
     if changes.broken:
         world.learn_anew([one.trajectory for one in changes.play], changes.broken, reward=reward in changes.broken)
     return player.under(variant=turned(changes.variant, changes.reflection))
+
+
+def planner_returns(
+    run: str | Path, player: Player, changes: Changes, episodes: int, on_episode: Callable[[float, int], None]
+) -> tuple[list[float], list[float]]:
+    """Let the planner of a run play in the altered world, before it adapts and after; return the returns of both.
+
+    They are the games that `semrl.evaluation.evaluate` plays there; see `adapted`.
+    """
+    seed = player.config.seed + EVALUATION_SEED
+    asked = Asked(run=str(run), policy="planner", at=None, conditions=(), seed=seed)
+
+    def returns(who: Player) -> list[float]:
+        who = who.under(episodes=episodes)
+        with limited_threads(who.config.threads), contextlib.closing(who.new_env()) as env:
+            games = play_games(asked, who, env, workers=1, on_episode=on_episode, on_step=lambda _episode, _step: None)
+        return [game.total for game in games]
+
+    return returns(player.under(variant=changes.variant)), returns(adapted(player, changes))
 
 
 def require_learning_anew(player: Player) -> LearnsAnew:
@@ -162,7 +187,10 @@ def require_learning_anew(player: Player) -> LearnsAnew:
 
 
 def _played(player: Player, variant: str, decisions: int, on_step: Callable[[Step], None]) -> list[PredictedEpisode]:
-    return predicted_play(player.under(variant=variant), decisions, policy="planner", on_step=on_step)
+    play = predicted_play(player.under(variant=variant), decisions, policy="planner", on_step=on_step)
+    if not play:
+        raise UsageError(f"episodes of the variant '{variant}' are over after two decisions: nothing can be compared")
+    return play
 
 
 def _numbers(before: Sequence[PredictedEpisode], now: Sequence[PredictedEpisode], space: StateSpace) -> list[int]:

@@ -235,9 +235,7 @@ class TreeWorld(GrownEnsemble[Experience]):
         states = play.states
         changed = (states[:, 0] != states[:, 1]).mean(axis=0)
         self.varying_ = np.flatnonzero((changed > 0) & (changed >= self.config.least_changes))
-        self.inertia_ = np.zeros(len(self.varying_), np.float32)
-        numbers = self._in_units(states)
-        changes, before = numbers[:, 0] - numbers[:, 1], numbers[:, 1] - numbers[:, 2]
+        changes, before = _changes(self._in_units(states))
         self.inertia_ = ((changes == before).mean(axis=0) > (changes == 0).mean(axis=0)).astype(np.float32)
         begin = self.config.counterfactuals_from
         if begin and NO_AXIS in self.axes and len(states) >= max(begin, 2 * self._judged):
@@ -253,7 +251,7 @@ class TreeWorld(GrownEnsemble[Experience]):
     def _lesson(self, play: Decisions) -> tuple[Floats, Floats]:
         """Return what trees see of decisions, ``(n, f)``, and by how much numbers change, ``(n, v)``."""
         numbers = self._in_units(play.states)
-        changes, before = numbers[:, 0] - numbers[:, 1], numbers[:, 1] - numbers[:, 2]
+        changes, before = _changes(numbers)
         rows = lay_out(numbers[:, 1:], play.pasts, play.actions, self.relations_)
         return rows, changes - self.inertia_ * before
 
@@ -301,9 +299,13 @@ class TreeWorld(GrownEnsemble[Experience]):
     def _columns(self) -> int:
         return int(width(len(self.varying_), self.config.past_states, self.config.past_actions, self.relations_))
 
+    @property
+    def _settled(self) -> tuple[NDArray[Any], ...]:
+        return self.varying_, self.inertia_, self.local_
+
     def _prepared(self, memory: Experience, rng: np.random.Generator) -> tuple[Callable[[int | None], None], bool]:
         c = self.config
-        before = list[NDArray[Any]]([self.varying_, self.inertia_, self.local_])
+        before = self._settled
         rows, targets, other = self.training_set(memory, rng)
         leaves = c.leaf_rows(targets.shape[1])
         hidden_column = rows.shape[1] - 1 - c.past_actions  # the action
@@ -313,5 +315,9 @@ class TreeWorld(GrownEnsemble[Experience]):
                 rows, targets, rng, leaf_rows=leaves, hidden_column=hidden_column, member=member, other=other
             )
 
-        after = list[NDArray[Any]]([self.varying_, self.inertia_, self.local_])
-        return grow, all(np.array_equal(*pair) for pair in zip(before, after, strict=True))
+        return grow, all(np.array_equal(*pair) for pair in zip(before, self._settled, strict=True))
+
+
+def _changes(numbers: Floats) -> tuple[Floats, Floats]:
+    """Return by how much ``(n, h, v)`` numbers change after the decision, and by how much they did before it."""
+    return numbers[:, 0] - numbers[:, 1], numbers[:, 1] - numbers[:, 2]
