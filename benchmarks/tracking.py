@@ -190,7 +190,7 @@ def play(game: Game, rng: np.random.Generator, decisions: int) -> Iterator[tuple
 
 def first(game: Game) -> Outcome:
     """Begin an episode."""
-    return Outcome(observation=game.reset(), reward=0.0, terminated=False, truncated=False)
+    return Outcome(observation=game.reset(), reward=0.0, training_reward=0.0, terminated=False, truncated=False)
 
 
 def score(recorded: Recorded, roles: SlotAssigner, name: str) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from semrl.core.errors import SemrlError, UsageError
 from semrl.core.files import read_arrays, write_arrays
 from semrl.envs import Game, action_meanings, observation_of, rom_name
 from semrl.envs.actions import Env
+from semrl.envs.lives import SIGNAL
 from semrl.perception.encoders import ENCODERS
 from semrl.planning.module import PlanningModule, PlanRecord
 from semrl.training import RunConfig, preset
@@ -133,6 +134,7 @@ class SemanticEnv(gym.Wrapper[Shown, Any, Frame, Any], gym.utils.RecordConstruct
         outcome = Outcome(
             observation=observation_of(self.env, frame),
             reward=float(reward),
+            training_reward=float(info.get(SIGNAL, reward)),
             terminated=terminated,
             truncated=truncated,
         )

@@ -22,7 +22,13 @@ class Countdown:
     def step(self, action):
         self.acted.append(action)
         n = len(self.acted)
-        return Outcome(observation=self._observation(), reward=float(n % 2), terminated=n == 4, truncated=False)
+        return Outcome(
+            observation=self._observation(),
+            reward=float(n % 2),
+            training_reward=float(n % 2),
+            terminated=n == 4,
+            truncated=False,
+        )
 
     def _observation(self):
         return Observation(frame=np.full((1, 1, 3), len(self.acted), np.uint8))

@@ -34,6 +34,8 @@ class Outcome:
 
     observation: Observation
     reward: float
+    training_reward: float
+    """What is learned from in place of the reward: a loss where a life was lost, else the reward."""
     terminated: bool
     truncated: bool
 

@@ -24,6 +24,7 @@ from semrl.envs.flicker import (
     needed_frames,
 )
 from semrl.envs.labelling import asking_labels, require_labels
+from semrl.envs.lives import LARGEST_REWARD, LifeLoss
 from semrl.envs.making import find_spec, is_atari, make_seen
 from semrl.envs.pictures import as_rgb
 from semrl.envs.variants import names_of, varied
@@ -47,6 +48,9 @@ class EnvironmentConfig:
     background that random play shows, for sprites that are darker than it."""
     max_noops: int = 0
     """At most so many random no-op decisions at the start of an episode, in games that have an action for it."""
+    life_loss: float = 0.0
+    """What a lost life counts as a loss, learned from in place of that decision's reward, in games with lives; scores
+    stay the game's own."""
     labels: bool = False
     """Ask the environment to label the objects in each frame, for the detector 'labels'; ViZDoom's games do, at two
     thirds of their speed."""
@@ -64,6 +68,8 @@ class EnvironmentConfig:
             raise UsageError(f"pooling must be one of {', '.join(get_args(Pooling))}, not {self.pooling!r}")
         if self.max_noops < 0:
             raise UsageError(f"max_noops must be 0 or more, not {self.max_noops}")
+        if not 0 <= self.life_loss <= LARGEST_REWARD:
+            raise UsageError(f"life_loss must lie between 0 and {LARGEST_REWARD:g}, not {self.life_loss}")
         names_of(self.variant)
 
 
@@ -300,4 +306,6 @@ def _ready(env: Env, config: EnvironmentConfig, *, skips: bool) -> Env:
     env = discrete(env)
     if config.max_noops and NOOP in action_meanings(env):
         env = NoopStart(env, config.max_noops)
+    if config.life_loss:
+        env = LifeLoss(env, config.life_loss)
     return choose_actions(env, config.actions)

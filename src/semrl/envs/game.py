@@ -10,10 +10,8 @@ from semrl.core import Frame, Ints, Observation, Outcome
 from semrl.core.arrays import Arrays, array_to_rng, rng_to_array
 from semrl.core.errors import SemrlError, UsageError
 from semrl.envs.actions import Env
+from semrl.envs.lives import LARGEST_REWARD, SIGNAL
 from semrl.envs.pictures import newest_labels
-
-LARGEST_REWARD = 1e18
-"""Its square is still a number of float32, in which networks learn."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -61,9 +59,15 @@ class Game:
             When the reward is nothing to learn from.
         """
         self._actions.append(action)
-        self._frame, given, terminated, truncated, _ = self.env.step(action)
+        self._frame, given, terminated, truncated, info = self.env.step(action)
         reward = self._checked(given)
-        return Outcome(observation=self._observation(), reward=reward, terminated=terminated, truncated=truncated)
+        return Outcome(
+            observation=self._observation(),
+            reward=reward,
+            training_reward=info.get(SIGNAL, reward),
+            terminated=terminated,
+            truncated=truncated,
+        )
 
     def _checked(self, reward: Any) -> float:
         """Return a reward that can be learned from.

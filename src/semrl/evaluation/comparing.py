@@ -246,7 +246,11 @@ def _side_by_side(players: Pair, seed: int, policy: Policy) -> Iterator[tuple[St
             other = view.begin(one.observation)
         else:
             outcome = Outcome(
-                observation=one.observation, reward=one.reward, terminated=one.terminated, truncated=one.truncated
+                observation=one.observation,
+                reward=one.reward,
+                training_reward=one.training_reward,
+                terminated=one.terminated,
+                truncated=one.truncated,
             )
             other = view.follow(other, one.action, outcome)
         if not one.done:

@@ -131,7 +131,7 @@ def _compare(world: WorldModel, steps: Sequence[Step], spans: Spans, confusion: 
     """Predict every decision of an episode, and what is some decisions ahead of it."""
     histories = [step.record.history for step in steps if step.record]
     actions = np.array([step.action for step in steps[1:]])
-    rewards = np.sign([step.reward for step in steps[1:]]).astype(int)
+    rewards = np.sign([step.training_reward for step in steps[1:]]).astype(int)
     longest = max(HORIZONS)
     for t, history in enumerate(histories[:-1]):
         imagined = world.imagine(history, actions[None, t : t + longest])

@@ -85,7 +85,7 @@ def _predicted(world: WorldModel, steps: Sequence[Step]) -> PredictedEpisode:
         trajectory=Trajectory(
             states=np.array([history.states[0] for history in histories]),
             actions=actions,
-            rewards=np.array([step.reward for step in steps[1:]], np.float32),
+            rewards=np.array([step.training_reward for step in steps[1:]], np.float32),
             things=tuple(step.state.things for step in steps if step.state),
         ),
         states=np.array([one.states[0] for one in imagined]),

@@ -26,6 +26,8 @@ class Step:
     reward: float = 0.0
     total: float = 0.0
     """What it brought, and the return so far."""
+    training_reward: float = 0.0
+    """What is learned from in place of the reward; see `Outcome`."""
     terminated: bool = False
     truncated: bool = False
     """Whether the episode is over, and how."""
@@ -132,7 +134,7 @@ class EpisodeView:
         """Return the step after another one."""
         assert before.state is not None
         if self.planning:
-            self.planning.observe(before.state.facts, action, outcome.reward, before.state.things)
+            self.planning.observe(before.state.facts, action, outcome.training_reward, before.state.things)
         return self._step(next_step(before, action, outcome), before.state)
 
     def look(self) -> Sight:
@@ -150,7 +152,7 @@ class EpisodeView:
     def _step(self, bare: Step, before: State | None) -> Step:
         state = self._episode.encode(bare.observation)
         vectors = np.stack([state.vector, state.vector if before is None else before.vector])
-        record = self._plan(state, bare.reward)
+        record = self._plan(state, bare.training_reward)
         shown = AgentObservation(vectors=vectors, **({"plan": record.features} if record else {}))
         return replace(bare, state=state, shown=shown, record=record)
 
@@ -172,6 +174,7 @@ def next_step(before: Step, action: int, outcome: Outcome) -> Step:
         action=action,
         reward=outcome.reward,
         total=before.total + outcome.reward,
+        training_reward=outcome.training_reward,
         terminated=outcome.terminated,
         truncated=outcome.truncated,
     )

@@ -91,7 +91,7 @@ def warm_start(game: Game, encoder: Encoder, planning: PlanningModule, stored: S
         for step in play_again(game, view, episode):
             assert step.state is not None
             if state is not None and step.action is not None:
-                planning.observe(state.facts, step.action, step.reward, state.things)
+                planning.observe(state.facts, step.action, step.training_reward, state.things)
             state = step.state
         if state is not None:
             planning.end_episode(state.facts, state.things)

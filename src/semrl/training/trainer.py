@@ -230,7 +230,7 @@ class Trainer:
         self.agent.observe(
             before.shown,
             after.action,
-            after.reward,
+            after.training_reward,
             terminated=after.terminated,
             start=before.number == 0,
             advised=self._advised,
