@@ -257,3 +257,22 @@ def test_what_goes_on_is_joined_to_what_is_over_without_being_kept():
     before = digest(experience.to_arrays())
     assert len(experience.joined(walk(4, 1))) == 10 and len(experience) == 6
     assert digest(experience.to_arrays()) == before
+
+
+@pytest.mark.parametrize(
+    ("rewards", "ends"),
+    [
+        ([0, 1, 0, 1, 0, 0, -1, 0], (True, False)),  # gains follow each other
+        ([1, 0, 0, 0, 0, 0, 1, 0], (True, True)),  # too late
+        ([-1, 1, 0, 0, 0, 0, -1, 1], (False, True)),
+        ([0, 0, 0, 0, 0, 0, 0, 1], (True, True)),
+        ([0] * 8, (True, True)),
+    ],
+)
+def test_a_reward_that_is_mostly_followed_by_another_ends_nothing(rewards, ends):
+    memory = Experience(100, 1)
+    for _ in range(2):  # what comes in another episode does not follow
+        states = np.zeros((9, 1), np.float32)
+        memory.add(Trajectory(states=states, actions=np.zeros(8, np.int64), rewards=np.array(rewards, np.float32)))
+    assert tuple(memory.ending(3)) == ends
+    assert memory.ending(0).all()

@@ -170,29 +170,31 @@ def test_rolled_forward_each_forest_goes_its_own_way_until_a_reward():
     np.testing.assert_allclose(values, [[0, -0.9, 0.2]] * 2, atol=1e-3)  # −9 is the least that was seen
 
 
-def rolled_alone(forests, member, known, sequence, relations):
-    """Roll one sequence in one forest, a decision at a time."""
+def rolled_alone(forests, member, known, sequence, relations, *, ending):
+    """Roll one sequence in one forest, a decision at a time, to a reward that ends it."""
 
     def seen(chosen):
         return lay_out(window[None], past[None], np.array([chosen]), relations)
 
-    (inertia, window, past), predicted, rewards = known, [], np.zeros(len(sequence), np.float32)
+    (inertia, window, past), predicted, rewards, over = known, [], np.zeros(len(sequence), np.float32), False
     for t, action in enumerate(sequence):
-        if not rewards.any():
+        if not over:
             told = forests(seen(action))[member, 0]
             moved = told[:-2] + inertia * (window[0] - window[1])
             window = np.concatenate([window[:1] + moved, window[:-1]])
             past = np.append(np.float32(action), past)[: len(past)]
             rewards[t] = np.rint(told[-2])
+            over = rewards[t] != 0 and ending[int(rewards[t] > 0)]
         predicted.append(window[0])
-    beyond = 0 if rewards.any() else forests(seen(NO_ACTION))[member, 0, -1]
+    beyond = 0 if over else forests(seen(NO_ACTION))[member, 0, -1]
     return np.array(predicted), rewards, np.float32(beyond)
 
 
+@pytest.mark.parametrize("ending", [(True, True), (True, False), (False, False)], ids=str)
 @pytest.mark.parametrize(
     ("dimension", "past_states", "past_actions", "distances"), [(1, 2, 0, False), (3, 4, 3, False), (3, 4, 3, True)]
 )
-def test_together_sequences_come_to_what_each_comes_to_alone(dimension, past_states, past_actions, distances):
+def test_together_sequences_come_to_what_each_comes_to_alone(dimension, past_states, past_actions, distances, ending):
     rng = np.random.default_rng(dimension)
     windows = rng.normal(size=(900, past_states, dimension)).astype(np.float32)
     actions = rng.integers(3, size=(900, past_actions + 1))
@@ -206,10 +208,11 @@ def test_together_sequences_come_to_what_each_comes_to_alone(dimension, past_sta
     sequences[rng.integers(40, size=8)] = sequences[7]
     inertia = np.arange(dimension, dtype=np.float32) % 2  # the second of three numbers goes on by itself
     known = inertia, 0.2 * windows[0], actions[0, 1:].astype(np.float32)
-    states, rewards, values = forests.roll(*known, sequences, relations)
+    states, rewards, values = forests.roll(*known, sequences, relations, ending=np.array(ending))
     for member, s in np.ndindex(2, 40):
-        alone, paid_alone, beyond = rolled_alone(forests, member, known, sequences[s], relations)
+        alone, paid_alone, beyond = rolled_alone(forests, member, known, sequences[s], relations, ending=ending)
         assert member or states[s].tobytes() == alone.tobytes()
         assert rewards[member, s].tobytes() == paid_alone.tobytes() and values[member, s] == beyond
     ended = rewards.any(axis=2)
     assert ended.any() and not ended.all()
+    assert ((rewards != 0).sum(axis=2) > 1).any() == (ending != (True, True))

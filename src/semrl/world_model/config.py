@@ -104,6 +104,9 @@ class TreesConfig:
     counterfactuals_from: int = 0
     """Decisions from which on things that fly by themselves are learned from play in which far things have changed
     places: else trees take what goes together for what causes what (Pitis et al. 2020); 0: never."""
+    reward_gap: int = 0
+    """Rewards of which most are followed by another within so many decisions do not end what is imagined: the world
+    goes on. All others do, as a point does after which the ball is served anew; 0: every reward does."""
     resolution: float = 1 / 255
     """Least difference between two states that means anything; RAM features are bytes divided by 255."""
     least_changes: float = 0.001
@@ -117,6 +120,9 @@ class TreesConfig:
     most_numbers: int = 30_000_000
     """Most numbers that a forest is grown from: of more, a draw of the decisions is laid out (some ten objects at once
     make 600 numbers of a decision, and 100,000 decisions would take minutes a forest)."""
+    grown_numbers: int = 0
+    """Numbers, of all decisions and to each tree, that growing a forest may look at for each new decision: where there
+    is more to see forests are grown less often; 0: any."""
     first_decisions: int = 1_000
     """Decisions before trees are grown for the first time."""
     new_decisions: int = 100
@@ -134,8 +140,9 @@ class TreesConfig:
                 raise UsageError(f"trees.{name} must be 1 or more, not {getattr(self, name)}")
         if not 0 <= self.screening <= self.members:
             raise UsageError(f"trees.screening must lie in 0 … members, {self.members}, not {self.screening}")
-        if self.counterfactuals_from < 0:
-            raise UsageError(f"trees.counterfactuals_from must be 0 or more, not {self.counterfactuals_from}")
+        for name in ("counterfactuals_from", "reward_gap", "grown_numbers"):
+            if getattr(self, name) < 0:
+                raise UsageError(f"trees.{name} must be 0 or more, not {getattr(self, name)}")
         if self.past_states < 2 or self.past_actions < 0:
             raise UsageError("trees.past_states must be 2 or more and trees.past_actions 0 or more")
         if not (self.resolution > 0 and min(self.new_share, self.value_leaf_decisions, self.least_changes) >= 0):

@@ -187,7 +187,12 @@ class GrownEnsemble(ABC, Generic[M]):
         growth, newest = self._growth, int(self.grown_.max())
         if not newest:
             return seen >= growth.first_decisions
-        return seen - newest >= max(growth.new_decisions, growth.new_share * newest)
+        return seen - newest >= max(growth.new_decisions, growth.new_share * newest, self._fewest_new(seen))
+
+    def _fewest_new(self, seen: int) -> float:
+        """Return how many new decisions there must be, after so many in all, for growing a member to be worth it."""
+        del seen
+        return 0.0
 
     def _grow(self, memory: M, seen: int) -> None:
         rng = np.random.default_rng([self.seed, seen])

@@ -13,6 +13,9 @@ from semrl.core.things import no_things
 REWARD_LEAD = 16
 """Decisions before a reward that count as having led to it."""
 
+EVERY_REWARD = np.ones(2, np.bool_)
+"""Of what ends a scenario: a loss, and a gain."""
+
 _END = -1  # stands for the action after the last state of an episode
 
 
@@ -191,6 +194,21 @@ class Experience:
             self._rewards[places],
             self._states[places + 1],
         )
+
+    def ending(self, gap: int) -> NDArray[np.bool_]:
+        """Tell whether a loss and whether a gain mostly ends what could be foreseen, ``(2,)``.
+
+        It does unless most of its kind are followed by another reward within `gap` decisions: then the world goes on
+        as if nothing had happened.
+        """
+        places, ending = np.flatnonzero(self._rewards), EVERY_REWARD.copy()
+        episodes = np.cumsum(self._actions == _END)[places]
+        followed = (np.diff(places) <= gap) & (np.diff(episodes) == 0)
+        for gain in range(2):
+            same = (self._rewards[places] > 0) == bool(gain)
+            if same.any():
+                ending[gain] = 2 * followed[same[:-1]].sum() <= same.sum()
+        return ending
 
     def returns(self, discount: float) -> Floats:
         """Return the discounted signs of the rewards from every decision to the end of its episode, ``(n,)``."""

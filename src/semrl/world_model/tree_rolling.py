@@ -1,6 +1,7 @@
 """Sequences of actions rolled forward through forests, in compiled code."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from semrl.core import NO_ACTION, Floats, Ints
 from semrl.core.kernels import compiled
@@ -13,12 +14,18 @@ Lanes = tuple[Floats, Floats, Ints, Ints, Ints]
 
 @compiled
 def roll(  # noqa: PLR0917 - compiled functions take no keywords
-    trees: Trees, inertia: Floats, states: Floats, actions: Floats, sequences: Ints, relations: Relations
+    trees: Trees,
+    inertia: Floats,
+    states: Floats,
+    actions: Floats,
+    sequences: Ints,
+    relations: Relations,
+    ending: NDArray[np.bool_],
 ) -> tuple[Floats, Floats, Floats]:
     """Roll sequences of actions forward in every forest; see `semrl.world_model.trees.Forests.roll`.
 
     All forests roll at once. Each has a lane for every sequence that has begun to differ from those before it and that
-    no reward has ended.
+    no reward has ended: `ending`, ``(2,)``, says whether a loss and whether a gain ends one.
     """
     (members, targets), (n, length) = trees[1].shape, sequences.shape
     begins, origins = branches(sequences)
@@ -27,7 +34,8 @@ def roll(  # noqa: PLR0917 - compiled functions take no keywords
     predicted = np.empty((n, length, targets - 2), np.float32)
     rewards, values = np.zeros((members, n, length), np.float32), np.zeros((members, n), np.float32)
     lanes = _lanes(states, actions, members, n)
-    ends = _roll_lanes(trees, inertia, (sequences[order], branching), lanes, (predicted, rewards, values), relations)
+    outputs = predicted, rewards, values
+    ends = _roll_lanes(trees, inertia, (sequences[order], branching), lanes, outputs, relations, ending)
     _complete(branching, ends, predicted, rewards, values)
     return predicted[place_of], rewards[:, place_of], values[:, place_of]
 
@@ -89,10 +97,11 @@ def _roll_lanes(  # noqa: PLR0917
     lanes: Lanes,
     outputs: tuple[Floats, Floats, Floats],
     relations: Relations,
+    ending: NDArray[np.bool_],
 ) -> Ints:
     """Roll forward, writing the first forest's states, ``(n, t, d)``, rewards, ``(m, n, t)``, and values, ``(m, n)``.
 
-    Returns when each sequence ended in the first forest, ``(n,)``: the decision that brought a reward, or the last.
+    Returns when each sequence ended in the first forest, ``(n,)``: at a decision whose reward ends it, or the last.
     """
     (nodes, roots), (sequences, branching) = trees, what
     (predicted, rewards, values), (window, before, _, _, counts) = outputs, lanes
@@ -114,7 +123,7 @@ def _roll_lanes(  # noqa: PLR0917
             _note_actions(before[member], chosen[member], counts[member])
         for lane in range(counts[0]):
             predicted[lanes[2][0, lane], t] = window[0, newest, :, lane]
-        _end(lanes, changes[:, dimension], rewards, ends, t)
+        _reward(lanes, changes[:, dimension], rewards, (ends, ending), t)
     _begin(lanes, branching, begun, length)
     chosen[:] = NO_ACTION
     for member in range(members):
@@ -169,15 +178,21 @@ def _note_actions(before: Floats, chosen: Floats, n: int) -> None:
 
 
 @compiled
-def _end(lanes: Lanes, predicted: Floats, rewards: Floats, ends: Ints, t: int) -> None:
-    """Take out the lanes that come to a reward, of ``(m, n)`` predicted ones; the last lane takes their place."""
-    window, before, sequence_of, lane_of, counts = lanes
+def _reward(lanes: Lanes, predicted: Floats, rewards: Floats, what: tuple[Ints, NDArray[np.bool_]], t: int) -> None:
+    """Note the rewards that lanes come to, of ``(m, n)`` predicted ones.
+
+    Lanes that they end are taken out; the last lane takes their place.
+    """
+    (window, before, sequence_of, lane_of, counts), (ends, ending) = lanes, what
     for member in range(len(window)):
         for lane in range(counts[member] - 1, -1, -1):
             reward, sequence = np.rint(predicted[member, lane]), sequence_of[member, lane]
             if reward == 0:
                 continue
-            rewards[member, sequence, t], lane_of[member, sequence] = reward, -1
+            rewards[member, sequence, t] = reward
+            if not ending[int(reward > 0)]:
+                continue
+            lane_of[member, sequence] = -1
             if member == 0:
                 ends[sequence] = t
             counts[member] -= 1

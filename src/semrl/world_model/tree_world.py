@@ -12,7 +12,7 @@ from semrl.core.errors import UsageError
 from semrl.world_model.config import TreesConfig
 from semrl.world_model.counterfactuals import NO_AXIS, Decisions, local_things, rearranged, things_of
 from semrl.world_model.ensemble import GrownEnsemble
-from semrl.world_model.experience import Experience
+from semrl.world_model.experience import EVERY_REWARD, Experience
 from semrl.world_model.rules import Rule, RuleBook, feature_names, read_tree
 from semrl.world_model.switching import SwitchedOff
 from semrl.world_model.tree_kernels import Relations, lay_out, width
@@ -22,6 +22,7 @@ MAX_DIMENSION = 32
 """Longest state that trees are fitted to; they look at all pairs of numbers."""
 OLD_PER_NEW = 9
 """Remembered decisions to each new one that trees see which are grown anew in an altered world."""
+_UNDECIDED = 0.05  # share of the decisions: by so little nothing is decided anew, since all trees hang on it
 REWARD, RETURN = "the reward", "the return"
 """What rules call them."""
 
@@ -62,6 +63,8 @@ class TreeWorld(GrownEnsemble[Experience]):
         trees predict how the change changes. 0 for the others.
     local_ : ndarray
         ``(m,)`` int64, things (`things_of`) that are predicted as well from what is near alone.
+    ending_ : ndarray
+        ``(2,)`` bool, whether a loss and whether a gain ends what is imagined.
     grown_ : ndarray
         ``(members,)`` int64, decisions after which each forest was grown; 0 before.
 
@@ -95,6 +98,7 @@ class TreeWorld(GrownEnsemble[Experience]):
         self._compared = self.varying_, self._pairs()  # which varied when these were the pairs
         self.inertia_ = np.zeros(dimension, np.float32)
         self.local_: Ints = np.zeros(0, np.int64)
+        self.ending_ = EVERY_REWARD
         self._judged = 0
 
     @property
@@ -124,7 +128,7 @@ class TreeWorld(GrownEnsemble[Experience]):
         relations = self.relations_
 
         def roll(tried: Ints, members: slice) -> tuple[Floats, Floats, Floats]:
-            return self.forests.roll(*past, tried, relations, members)
+            return self.forests.roll(*past, tried, relations, members, self.ending_)
 
         imagined = self._imagined(roll, sequences)
         states = np.empty((*imagined.sequences.shape, history.states.shape[1]), np.float32)
@@ -220,6 +224,7 @@ class TreeWorld(GrownEnsemble[Experience]):
         play = Decisions(np.concatenate([following[:, None], windows], axis=1), pasts, actions)
         if not settled:
             self._settle(play, rng)
+            self.ending_ = buffer.ending(c.reward_gap)
         signs = np.sign(rewards)
         returns = buffer.returns(self.discount) if c.value_leaf_decisions else np.zeros_like(signs)
         most = max(c.most_numbers // self._columns, 1)
@@ -232,11 +237,13 @@ class TreeWorld(GrownEnsemble[Experience]):
 
     def _settle(self, play: Decisions, rng: np.random.Generator) -> None:
         """Decide which numbers vary, which by themselves and, whenever play has doubled, which things are local."""
-        states = play.states
+        states, inertia = play.states, np.zeros(len(self.axes), np.float32)
+        inertia[self.varying_] = self.inertia_
         changed = (states[:, 0] != states[:, 1]).mean(axis=0)
         self.varying_ = np.flatnonzero((changed > 0) & (changed >= self.config.least_changes))
         changes, before = _changes(self._in_units(states))
-        self.inertia_ = ((changes == before).mean(axis=0) > (changes == 0).mean(axis=0)).astype(np.float32)
+        lead = (changes == before).mean(axis=0) - (changes == 0).mean(axis=0)
+        self.inertia_ = np.where(np.abs(lead) < _UNDECIDED, inertia[self.varying_], lead > 0).astype(np.float32)
         begin = self.config.counterfactuals_from
         if begin and NO_AXIS in self.axes and len(states) >= max(begin, 2 * self._judged):
             self._judged = len(states)
@@ -279,6 +286,7 @@ class TreeWorld(GrownEnsemble[Experience]):
             "varying": self.varying_,
             "inertia": self.inertia_,
             "local": np.array([self._judged, *self.local_]),
+            "ending": self.ending_,
             "columns": np.array(self._columns),
         }
         return nest(forests=self.forests.to_arrays()) | own
@@ -291,6 +299,7 @@ class TreeWorld(GrownEnsemble[Experience]):
         self.varying_, self.inertia_ = arrays["varying"], arrays["inertia"]
         self._judged, *local = arrays.get("local", np.zeros(1, np.int64)).tolist()  # older checkpoints have none
         self.local_ = np.array(local, np.int64)
+        self.ending_ = arrays.get("ending", EVERY_REWARD)
         self.seen_, self.grown_ = int(arrays["counts"][0]), arrays["counts"][1:].copy()
         if int(arrays["columns"]) != self._columns:
             raise ValueError(f"its trees look at {int(arrays['columns'])} numbers, not {self._columns}")
@@ -298,6 +307,11 @@ class TreeWorld(GrownEnsemble[Experience]):
     @property
     def _columns(self) -> int:
         return int(width(len(self.varying_), self.config.past_states, self.config.past_actions, self.relations_))
+
+    def _fewest_new(self, seen: int) -> float:
+        c = self.config
+        numbers = min(seen * self._columns, c.most_numbers) * (len(self.varying_) + 2)  # of each tree
+        return numbers / c.grown_numbers if c.grown_numbers else 0.0
 
     @property
     def _settled(self) -> tuple[NDArray[Any], ...]:

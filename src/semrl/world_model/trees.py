@@ -17,6 +17,7 @@ from semrl.core import Floats, Ints
 from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.beside import Started
 from semrl.world_model.cart import bins_of, grow_tree
+from semrl.world_model.experience import EVERY_REWARD
 from semrl.world_model.switching import SwitchedOff, without_rules
 from semrl.world_model.tree_kernels import NODE, Relations, ask
 from semrl.world_model.tree_rolling import roll
@@ -139,6 +140,7 @@ class Forests:
         sequences: Ints,
         relations: Relations,
         members: slice = slice(None),
+        ending: NDArray[np.bool_] = EVERY_REWARD,
     ) -> tuple[Floats, Floats, Floats]:
         """Roll sequences of actions forward in every forest, or some.
 
@@ -156,15 +158,16 @@ class Forests:
             Which numbers are compared in what the trees are shown.
         members
             Which forests are asked.
+        ending
+            ``(2,)``, whether a loss and whether a gain ends a scenario.
 
         Returns
         -------
         tuple
             ``(s, t, d)`` states that the first of them predicts; ``(members, s, t)`` rewards; ``(members, s)`` returns
-            expected beyond. After its first reward a scenario stands still and is worth no more: what follows is
-            another rally, of which little is known.
+            expected beyond. After a reward that ends it a scenario stands still and is worth no more.
         """
-        roots, rest = self._roots[members], (inertia, states, actions, sequences, relations)
+        roots, rest = self._roots[members], (inertia, states, actions, sequences, relations, ending)
         if len(roots) < 2:
             return roll((self._packed, roots), *rest)
         others = Started(partial(roll, (self._packed, roots[len(roots) // 2 :]), *rest))
