@@ -25,7 +25,7 @@ class ReproduceArguments:
     """Do the thesis's evaluation again, ours beside the thesis's: method, clusters, retrieval, ontology, scores.
 
     And what goes beyond it: embedding and drift, which embedding is best; frontier, how far 100,000 decisions lead;
-    games, the same on Breakout, Freeway and Boxing.
+    games, the same on ten Atari games.
 
     Results, runs and one page, report.html, go into a folder. What is there already is not done again, so that it can
     be stopped at any moment: the same command goes on. At full scale the results that come with this package count
