@@ -39,13 +39,20 @@ def test_each_lost_life_counts_and_a_won_one_does_not():
         assert outcomes[-1].terminated
 
 
+@pytest.mark.parametrize("odd", [None, "nine", [3, 2], 2.5])
+def test_other_words_for_lives_are_none(odd):
+    game = Game(LifeLoss(Lives([odd, 1, odd]), 1.0), seed=0)
+    game.reset()
+    assert [game.step(0).training_reward for _ in range(2)] == [5, -1]
+
+
 @pytest.mark.parametrize(("env", "loses"), [("BreakoutNoFrameskip-v4", True), ("PongNoFrameskip-v4", False)])
 @pytest.mark.parametrize("max_frames", [1, 2])
 def test_games_with_lives_lose_them(env, loses, max_frames):
     """Whoever skips the frames, and behind no-op starts."""
-    config = EnvironmentConfig(life_loss=1.0, max_frames=max_frames, max_noops=5)
+    config = EnvironmentConfig(max_frames=max_frames, max_noops=5)
     game, rng = Game(make_env(env, config), seed=1), np.random.default_rng(1)
-    plain = Game(make_env(env, EnvironmentConfig(max_frames=max_frames, max_noops=5)), seed=1)
+    plain = Game(make_env(env, EnvironmentConfig(life_loss=0.0, max_frames=max_frames, max_noops=5)), seed=1)
     for each in (game, plain):
         each.reset()
     lost = 0
