@@ -176,6 +176,52 @@ def test_it_learns_while_the_episode_goes_on():
     assert made.grown_.tolist() == [230, 260]  # the oldest first
 
 
+def test_the_more_there_is_to_see_the_longer_a_forest_waits():
+    config = dataclasses.replace(CONFIG, grown_numbers=2_000)
+    often, seldom = learned(CONFIG), learned(config)
+    grown = {made: [] for made in (often, seldom)}
+    for i in range(40):
+        for made, times in grown.items():
+            made.partial_fit(walk(25, i))
+            times.append(int(made.grown_.max()))
+    waits = {made: np.unique(np.diff(np.unique(times))) for made, times in grown.items()}
+    columns = width(3, CONFIG.past_states, CONFIG.past_actions, often.relations_)
+    assert waits[often].max() == 50  # the next multiple of 25 above a share of 0.03
+    assert waits[seldom].min() >= 50 * columns * 5 / 2_000  # three numbers, reward, return; the first 50 decisions
+    assert waits[seldom].max() >= 500 * columns * 5 / 2_000
+
+
+def test_gains_that_follow_each_other_end_nothing_that_is_imagined():
+    """A walker is paid at every third place."""
+    walked = walk(600)
+    paid = dataclasses.replace(walked, rewards=(np.arange(600) % 3 == 2).astype(np.float32))
+    made, other = (learned(dataclasses.replace(CONFIG, reward_gap=gap), paid) for gap in (5, 2))
+    assert made.ending_.tolist() == [True, False] and other.ending_.all()
+    restored = TreeWorld(CONFIG, 3)
+    restored.from_arrays(trees_of(made))
+    assert restored.ending_.tolist() == [True, False]
+    older = TreeWorld(CONFIG, 3)
+    older.from_arrays({name: array for name, array in trees_of(made).items() if name != "ending"})
+    assert older.ending_.all()
+
+
+def test_what_goes_on_by_itself_stays_so_unless_it_is_clear():
+    """Whether it does is decided anew only by a lead of a twentieth of the decisions."""
+    rng, made = np.random.default_rng(0), TreeWorld(CONFIG, 1)
+
+    def gliding(share):
+        """Go on in so many stretches of ten decisions, and stumble, a step in two, in the others."""
+        goes = np.repeat(rng.permutation(100) < 100 * share, 10)
+        states = np.concatenate([[0], np.cumsum(goes | (np.arange(1000) % 2 == 0))]).astype(np.float32)[:, None]
+        return Trajectory(states=states, actions=rng.integers(2, size=1000), rewards=np.zeros(1000, np.float32))
+
+    told = []
+    for share in (0.8, 0.0, 0.2, 0.0, 0.75):  # in the third and the last episode it is not clear
+        made.partial_fit(gliding(share))
+        told.append(made.inertia_.tolist())
+    assert told == [[1], [1], [1], [0], [0]]
+
+
 def test_forests_doubt_what_they_disagree_about(world):
     test = rally(1500, seed=9)
     t = int(np.flatnonzero(test.rewards)[5]) - 12
@@ -290,6 +336,7 @@ def test_states_too_long_for_trees_are_refused():
         {"first_decisions": 0}, {"new_decisions": 0},
         {"past_states": 1}, {"past_actions": -1}, {"resolution": 0.0}, {"new_share": -0.1},
         {"value_leaf_decisions": -1}, {"screening": -1}, {"screening": 4},
+        {"counterfactuals_from": -1}, {"reward_gap": -1}, {"grown_numbers": -1},
     ],
 )  # fmt: skip
 def test_bad_parameters_are_refused(values):
