@@ -49,8 +49,8 @@ class EnvironmentConfig:
     max_noops: int = 0
     """At most so many random no-op decisions at the start of an episode, in games that have an action for it."""
     life_loss: float = 1.0
-    """What a lost life counts as a loss, learned from in place of that decision's reward, in games with lives, which
-    Pong has not; scores stay the game's own."""
+    """What a lost life counts as a loss, learned from in place of that decision's reward, in games with lives (Pong has
+    none); scores stay the game's own."""
     labels: bool = False
     """Ask the environment to label the objects in each frame, for the detector 'labels'; ViZDoom's games do, at two
     thirds of their speed."""
