@@ -1,5 +1,7 @@
 """What was seen of things is read as rules of few literals, each with how often it held."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bricks import bricks
@@ -8,6 +10,7 @@ from rallies import rally, rules_of, trajectory_of
 from semrl.concepts import Concepts
 from semrl.core import Trajectory
 from semrl.core.errors import UsageError
+from semrl.core.things import OWN
 from semrl.world_model import ConceptRules
 from semrl.world_model.rules import sentence
 
@@ -39,6 +42,23 @@ def test_the_first_dozen_rules_tell_the_laws(rallies):
     assert up.right > 0.8 * up.decisions and down.right > 0.8 * down.decisions
     rare = first("vy := −vy otherwise")
     assert rare.right < 0.1 * rare.decisions
+
+
+def test_actions_that_explain_nothing_are_not_listed():
+    """Where everything passes for controlled, the ball does not: it flies the same whatever is done."""
+
+    def all_own(trajectory):
+        things = [seen.copy() for seen in trajectory.things]
+        for seen in things:
+            seen[:, OWN] = 1
+        return replace(trajectory, things=tuple(things))
+
+    found = rules_of(all_own(trajectory_of(*rally(1000, seed))) for seed in range(3)).rules(["UP", "DOWN"])
+    by_action = {rule.about for rule in found if any("the action is" in said for said in rule.conditions)}
+    (paddle,) = by_action
+    assert paddle.endswith(" vy")
+    (ball,) = {rule.about for rule in found if rule.about.endswith(" vx")}
+    assert ball.partition(" ")[0] != paddle.partition(" ")[0]
 
 
 def test_rules_name_what_is_touched():

@@ -92,11 +92,11 @@ def read_lists(rows: Floats, targets: Floats, about: About, n_actions: int) -> l
     moving = moves(rows)
     if moving.sum() < 2 * FEWEST:
         return []
+    steered = steered_by(rows, targets, n_actions)
     vocabulary = Vocabulary(about, rows[moving])
     literals = {name: mask for name, mask in vocabulary.literals(rows).items() if mask[moving].mean() < _TRIVIAL}
     lists = _rewards(rows, targets, vocabulary, literals)
-    if about.controlled:
-        steered = steered_by(rows, targets, n_actions)
+    if about.controlled and steered.steers(rows, targets):
         effects = tuple(effects_of(about.name, steered, rows, targets))
         did = came_as_steered(steered)
         lists += [
@@ -104,7 +104,7 @@ def read_lists(rows: Floats, targets: Floats, about: About, n_actions: int) -> l
         ]
         events = upsets_of(about.name, steered, rows, targets)
     else:
-        events = turns_of(about.name, rows, targets)
+        events = turns_of(about.name, rows, targets)  # also of what only passes for controlled
     found = [_list(event, rows, targets, vocabulary, literals) for event in events]
     return lists + [one for one in found if one.rules]
 

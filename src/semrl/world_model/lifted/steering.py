@@ -23,6 +23,9 @@ AXES = ("vx", "vy")
 WAYS = (("to the left", "to the right"), ("up", "down"))
 """Backwards and forwards along each axis."""
 
+LEAST_TOLD = 0.2
+"""Share of the decisions by which actions must say more often where things go than their commonest way does."""
+
 _FEWEST = 3  # times that an action must have been taken
 
 
@@ -57,6 +60,17 @@ class Steered(NamedTuple):
         wanted, after = self.wanted(rows[:, ACTION]), targets[:, self.column]
         same: Mask = np.where(wanted == 0, np.abs(after) <= SAME_PX, np.sign(after) == np.sign(wanted))
         return same, ~np.isnan(wanted) & ~np.isnan(after)
+
+    def steers(self, rows: Floats, targets: Floats) -> bool:
+        """Tell whether actions, each counted alike, say much more often where things go than the commonest way does."""
+        obeys, known = self.obeys(rows, targets)
+        known &= moves(rows)
+        after = targets[:, self.column]
+        right = np.column_stack([obeys, np.abs(after) <= SAME_PX, after > 0, after < 0])[known]
+        done = rows[known, ACTION]
+        shares = [right[done == action].mean(axis=0) for action in np.unique(done)]
+        told, *ways = np.mean(shares, axis=0) if shares else np.zeros(4)
+        return bool(told - max(ways) >= LEAST_TOLD)
 
 
 def steered_by(rows: Floats, targets: Floats, n_actions: int) -> Steered:
