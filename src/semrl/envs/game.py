@@ -10,8 +10,11 @@ from semrl.core import Frame, Ints, Observation, Outcome
 from semrl.core.arrays import Arrays, array_to_rng, rng_to_array
 from semrl.core.errors import SemrlError, UsageError
 from semrl.envs.actions import Env
-from semrl.envs.lives import LARGEST_REWARD, SIGNAL
+from semrl.envs.lives import SIGNAL
 from semrl.envs.pictures import newest_labels
+
+LARGEST_REWARD = 1e18
+"""Its square is still a number of float32, in which networks learn."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -10,8 +10,6 @@ from semrl.envs.actions import Env
 
 LIVES = "lives"
 """Where an environment says how many are left, in its ``info``, as Atari's do."""
-LARGEST_REWARD = 1e18
-"""Its square is still a number of float32, in which networks learn."""
 SIGNAL = "training_reward"
 """Where the ``info`` of `LifeLoss` says what is learned from in place of the reward."""
 
