@@ -23,8 +23,8 @@ from semrl.envs.flicker import (
     look,
     needed_frames,
 )
-from semrl.envs.labelling import asking_labels, require_labels
 from semrl.envs.game import LARGEST_REWARD
+from semrl.envs.labelling import asking_labels, require_labels
 from semrl.envs.lives import LifeLoss
 from semrl.envs.making import find_spec, is_atari, make_seen
 from semrl.envs.pictures import as_rgb
