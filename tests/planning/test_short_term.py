@@ -7,7 +7,7 @@ import pytest
 
 from semrl.core.errors import UsageError
 from semrl.planning import ShortTermConfig, action_sequences
-from semrl.planning.short_term import MAX_SCENARIOS
+from semrl.planning.short_term import MAX_SCENARIOS, refined_sequences
 
 DRAWN = ShortTermConfig(depth=20, scenarios=32)
 
@@ -38,6 +38,19 @@ def test_some_begin_like_the_plan_before_and_one_is_that_plan(left):
     for row, drawn in zip(sequences[1:8], fresh[1:8], strict=True):
         assert any((row[:k] == plan[:k]).all() and (row[k:] == drawn[k:]).all() for k in range(20))
     np.testing.assert_array_equal(fresh, action_sequences(2, DRAWN, number=5, proposed=np.zeros(0, np.int64)))
+
+
+@pytest.mark.parametrize("elites", [1, 3, 8])
+def test_a_second_round_changes_one_stretch_of_each_of_the_best(elites):
+    config = ShortTermConfig(depth=20, refined=48)
+    best = np.random.default_rng(0).integers(6, size=(elites, 20))
+    changed = [refined_sequences(best, 6, config, number=number) != np.resize(best, (48, 20)) for number in range(64)]
+    longest = [np.ptp(np.flatnonzero(row)) + 1 for rows in changed for row in rows if row.any()]
+    assert max(longest) == 10 and len(longest) > 0.5 * 64 * 48
+    assert (np.mean(changed, axis=(0, 1)) > 0.1).all()  # every decision is drawn anew in some, the first as well
+    np.testing.assert_array_equal(
+        refined_sequences(best, 6, config, number=3), refined_sequences(best, 6, config, number=67)
+    )
 
 
 @pytest.mark.parametrize(("n_actions", "depth"), [(3, 4), (2, 1), (1, 3), (6, 4)])
@@ -75,7 +88,17 @@ def test_far_too_many_are_refused_in_one_short_line(depth):
 
 
 @pytest.mark.parametrize(
-    "values", [{"depth": 0}, {"depth": -1}, {"scenarios": -1}, {"scenarios": 4097}, {"warm_start_fraction": 1.5}]
+    "values",
+    [
+        {"depth": 0},
+        {"depth": -1},
+        {"scenarios": -1},
+        {"scenarios": 4097},
+        {"warm_start_fraction": 1.5},
+        {"refined": -1},
+        {"refined": 4097},
+        {"elites": 0},
+    ],
 )
 def test_bad_parameters_are_refused(values):
     with pytest.raises(UsageError, match=next(iter(values))):

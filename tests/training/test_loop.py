@@ -56,7 +56,7 @@ class Planner:
     def __init__(self):
         self.asked = []
 
-    def begin_episode(self):
+    def begin_episode(self, *, learning=False):
         self.asked.append("begin")
 
     def observe(self, facts, action, reward, things):

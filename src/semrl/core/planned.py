@@ -109,6 +109,8 @@ class History:
     """What was seen at each of the states, see `semrl.core.things`; empty where that is not known."""
     lists: tuple[Floats, ...] = ()
     """In place of the states, once for each of several things that share a place in them; see `State.lists`."""
+    learning: bool = False
+    """Whether the episode is learned from: then plans are made in less time."""
 
     def window(self, count: int) -> Floats:
         """Return the newest states, ``(count, d)``; before the first one known it is taken to have been the same."""

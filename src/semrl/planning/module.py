@@ -100,6 +100,7 @@ class PlanningModule:
             self.world_model.share(self.concepts)
         self.concept_rules = ConceptRules(self.concepts)
         self._episode = EpisodeRecord(dimension)
+        self._learning = False
         self._proposed = np.zeros(0, np.int64)
         self._keeper = PlanKeeper(config.keeping, discount=config.discount)
 
@@ -143,8 +144,9 @@ class PlanningModule:
         every = self.config.planner_every
         return every > 0 and episode % every == every - 1
 
-    def begin_episode(self) -> None:
-        """Forget the actions of an episode that was not learned from."""
+    def begin_episode(self, *, learning: bool = False) -> None:
+        """Forget the actions of an episode that was not learned from, and say whether the next one is."""
+        self._learning = learning
         self._episode.clear()
         self._proposed = np.zeros(0, np.int64)
         self._keeper.renew(None)
@@ -162,7 +164,7 @@ class PlanningModule:
         Facts, things and lists are those of its `State`.
         """
         history = self._episode.history(facts, MEMORY_DECISIONS, self._proposed[1:], things)
-        history = replace(history, lists=lists)
+        history = replace(history, lists=lists, learning=self._learning)
         plan = self._keeper.what_is_left(history, self._episode.last_reward, self.knowledge)
         if plan is None:
             plan = self.plan(history, exploring=exploring)

@@ -60,11 +60,7 @@ def rank(
         measured by its distance to the path's end. On an empty map only the reward counts.
     """
     graph = state_map.graph_
-    weights = discount ** np.arange(scenarios.rewards.shape[1], dtype=np.float64)  # (t,)
-    returns = (scenarios.rewards * weights).sum(axis=1)  # (s,); a matrix product would round equal rows differently
-    returns += discount ** len(weights) * scenarios.values
-    if scenarios.uncertainties is not None:
-        returns -= uncertainty_penalty * scenarios.uncertainties
+    returns = returns_of(scenarios, discount=discount, uncertainty_penalty=uncertainty_penalty)
     node, path, end_nodes, progress, gaps = _places(start, ends, state_map, routes)
     novelty = len(graph) > 0 and not graph.rewards.any()
     order = np.lexsort((-gaps if novelty else gaps, -progress, -returns))
@@ -77,6 +73,16 @@ def rank(
         progress=progress[order],
         seeks_novelty=novelty,
     )
+
+
+def returns_of(scenarios: Scenarios, *, discount: float, uncertainty_penalty: float) -> NDArray[np.float64]:
+    """Return what each scenario is predicted to bring, and beyond, less what its uncertainty counts, ``(s,)``."""
+    weights = discount ** np.arange(scenarios.rewards.shape[1], dtype=np.float64)  # (t,)
+    returns = (scenarios.rewards * weights).sum(axis=1)  # a matrix product would round equal rows differently
+    returns += discount ** len(weights) * scenarios.values
+    if scenarios.uncertainties is not None:
+        returns -= uncertainty_penalty * scenarios.uncertainties
+    return np.asarray(returns, np.float64)
 
 
 def continued(plan: Plan, start: Floats, state_map: Locator, routes: Routes, *, discount: float = 1.0) -> Plan:
@@ -146,6 +152,20 @@ def take(scenarios: Scenarios, order: Ints) -> Scenarios:
         rewards=scenarios.rewards[order],
         values=scenarios.values[order],
         uncertainties=None if scenarios.uncertainties is None else scenarios.uncertainties[order],
+    )
+
+
+def joined(scenarios: Scenarios, more: Scenarios) -> Scenarios:
+    """Return both, one behind the other, as one model imagined them."""
+    uncertainties = None
+    if scenarios.uncertainties is not None and more.uncertainties is not None:
+        uncertainties = np.concatenate([scenarios.uncertainties, more.uncertainties])
+    return Scenarios(
+        actions=np.concatenate([scenarios.actions, more.actions]),
+        states=np.concatenate([scenarios.states, more.states]),
+        rewards=np.concatenate([scenarios.rewards, more.rewards]),
+        values=np.concatenate([scenarios.values, more.values]),
+        uncertainties=uncertainties,
     )
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from semrl.core import History, Ints, Plan, Scenarios
 from semrl.core.errors import UsageError
 from semrl.planning.protocol import Knowledge
-from semrl.planning.ranking import rank
-from semrl.planning.short_term import ShortTermConfig, action_sequences
+from semrl.planning.ranking import joined, rank, returns_of
+from semrl.planning.short_term import ShortTermConfig, action_sequences, refined_sequences
 from semrl.world_model.protocol import ConceptBased, Screening, WorldModel
 
 
@@ -63,13 +63,10 @@ class ScenarioPlanner:
         self, history: History, knowledge: Knowledge, *, exploring: bool = False, first: int | None = None
     ) -> Plan:
         """Imagine, and rank what is imagined; see `Planner.plan`."""
-        sequences = action_sequences(self.n_actions, self.config, number=history.number, proposed=history.proposed)
-        if first is not None:
-            sequences = np.column_stack([np.full(len(sequences), first), sequences[:, 1:]])
-        scenarios = imagined(knowledge.world_model, history, sequences)
-        state, previous = history.window(2)
-        before_last = scenarios.states[:, -2] if sequences.shape[1] > 1 else state[None]
         penalty = self.config.uncertainty_penalty - (self.config.exploration_bonus if exploring else 0.0)
+        scenarios = self._imagined(history, knowledge.world_model, first, penalty)
+        state, previous = history.window(2)
+        before_last = scenarios.states[:, -2] if self.depth > 1 else state[None]
         return rank(
             scenarios,
             knowledge.coordinates(state[None], previous[None]),
@@ -79,6 +76,25 @@ class ScenarioPlanner:
             discount=self.discount,
             uncertainty_penalty=penalty,
         )
+
+    def _imagined(self, history: History, world_model: WorldModel, first: int | None, penalty: float) -> Scenarios:
+        """Imagine what is drawn and then, where it is played and not learned, what the best of it are refined to."""
+        config, number = self.config, history.number
+        sequences = action_sequences(self.n_actions, config, number=number, proposed=history.proposed)
+        scenarios = imagined(world_model, history, _beginning(sequences, first))
+        if not config.refined or history.learning:
+            return scenarios
+        returns = returns_of(scenarios, discount=self.discount, uncertainty_penalty=penalty)
+        best = scenarios.actions[np.argsort(-returns, kind="stable")[: config.elites]]
+        sequences = refined_sequences(best, self.n_actions, config, number=number)
+        return joined(scenarios, imagined(world_model, history, _beginning(sequences, first)))
+
+
+def _beginning(sequences: Ints, first: int | None) -> Ints:
+    """Let sequences begin with an action, if one is given."""
+    if first is None:
+        return sequences
+    return np.column_stack([np.full(len(sequences), first), sequences[:, 1:]])
 
 
 def imagined(world_model: WorldModel, history: History, sequences: Ints) -> Scenarios:

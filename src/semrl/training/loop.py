@@ -104,7 +104,7 @@ class EpisodeView:
     exploring
         Whether plans are to learn by.
     learning
-        Whether the world model may learn from a reward at once.
+        Whether the episode is learned from: the world model may learn from a reward at once, and plans take less time.
     plans
         Whether there is a plan at every decision; else the planning module only takes note of what happens.
     """
@@ -124,7 +124,7 @@ class EpisodeView:
         self.plans = plans
         self._episode: EpisodeEncoder = encoder.begin()
         if planning:
-            planning.begin_episode()
+            planning.begin_episode(learning=learning)
 
     def begin(self, observation: Observation) -> Step:
         """Return the first step of the episode."""
