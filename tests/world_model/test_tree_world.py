@@ -307,6 +307,8 @@ def test_distances_are_those_along_an_axis():
     assert made.relations_[0].tolist() == [[0, 3], [1, 4]] and made.relations_[1]
     made.varying_ = np.array([0, 2, 3, 5])
     assert made.relations_[0].tolist() == [[0, 2]]  # among those that vary
+    sized = TreeWorld(config, 10, axes=np.array([0, 1, 2, 3, -1] * 2))
+    assert sized.relations_[0].tolist() == [[0, 5], [1, 6]]  # how wide one is says nothing of how wide another is
     every = [[i, j] for i in range(6) for j in range(i + 1, 6)]
     assert TreeWorld(config, 6).relations_[0].tolist() == every
     assert TreeWorld(CONFIG, 6, axes=axes).relations_[0].tolist() == every
@@ -325,7 +327,7 @@ def test_the_oldest_episodes_are_forgotten():
 
 def test_states_too_long_for_trees_are_refused():
     TreeWorld(CONFIG, MAX_DIMENSION)
-    with pytest.raises(UsageError, match=r"at most 32 numbers, not 33; use planning\.world_model = 'networks'"):
+    with pytest.raises(UsageError, match=r"at most 40 numbers, not 41; use planning\.world_model = 'networks'"):
         TreeWorld(CONFIG, MAX_DIMENSION + 1)
 
 

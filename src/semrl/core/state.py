@@ -37,7 +37,8 @@ class StateSpace:
     names: tuple[str, ...] = ()
     """Of the facts, where they have names; of slots only those in use, so there may be fewer than facts."""
     axes: Ints | None = None
-    """``(n_facts,)`` int64: along which axis each fact lies, −1 for what is no place; None where that is not known."""
+    """``(n_facts,)`` int64: 0 and 1 for x and y, 2 and 3 for width and height, −1 for all else; None where that is not
+    known."""
     seen: Ints | None = None
     """``(n_facts,)`` int64: which fact says whether the thing that each is about is seen; None where all always are."""
     unit: float | None = None

@@ -19,7 +19,6 @@ from semrl.concepts.scenes import CONCEPT, PLACE
 from semrl.core import Ints
 from semrl.core.errors import MissingExtraError, UsageError
 from semrl.core.files import make_folder
-from semrl.core.things import SLOT_NUMBERS
 from semrl.evaluation.games import ready_player
 from semrl.evaluation.player import Player, Policy
 from semrl.evaluation.scores import EVALUATION_SEED
@@ -136,7 +135,7 @@ class _EpisodeWriter:
         self.n_facts = space.n_facts
         self.builder = SceneBuilder(planning.concepts) if planning and planning.concepts.is_fitted else None
         self.concepts: tuple[str, ...] = self.builder.concepts.table_.names if self.builder else ()
-        first = [name for name in self.facts[::SLOT_NUMBERS] if name.endswith(" x")]
+        first = [name for name in self.facts if name.endswith(" x")]
         self.slots = tuple(name.removesuffix(" x") for name in first) if self.builder else ()
         spaces: dict[str, gym.Space[Any]] = {"facts": gym.spaces.Box(-np.inf, np.inf, (self.n_facts,), np.float32)}
         if self.builder:

@@ -99,6 +99,12 @@ def _predicted(lesson: tuple[Floats, Floats], rows: Floats, rng: np.random.Gener
     return predicted
 
 
+def is_place(axes: Ints) -> NDArray[np.bool_]:
+    """Tell which numbers say where things are; see `StateSpace.axes`."""
+    places: NDArray[np.bool_] = (axes == 0) | (axes == 1)
+    return places
+
+
 def things_of(axes: Ints) -> Ints:
     """Return which thing each number is about, ``(d,)`` int64: where it lies, and last whether it is seen.
 

@@ -10,7 +10,7 @@ from semrl.core import Floats, History, Ints, Scenarios, Trajectory
 from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.errors import UsageError
 from semrl.world_model.config import TreesConfig
-from semrl.world_model.counterfactuals import NO_AXIS, Decisions, local_things, rearranged, things_of
+from semrl.world_model.counterfactuals import NO_AXIS, Decisions, is_place, local_things, rearranged, things_of
 from semrl.world_model.ensemble import GrownEnsemble
 from semrl.world_model.experience import EVERY_REWARD, Experience
 from semrl.world_model.rules import Rule, RuleBook, feature_names, read_tree
@@ -18,7 +18,7 @@ from semrl.world_model.switching import SwitchedOff
 from semrl.world_model.tree_kernels import Relations, lay_out, width
 from semrl.world_model.trees import Forests, OtherRows
 
-MAX_DIMENSION = 32
+MAX_DIMENSION = 40
 """Longest state that trees are fitted to; they look at all pairs of numbers."""
 OLD_PER_NEW = 9
 """Remembered decisions to each new one that trees see which are grown anew in an altered world."""
@@ -46,7 +46,7 @@ class TreeWorld(GrownEnsemble[Experience]):
     config
         See `TreesConfig`.
     dimension
-        Length of a state, at most 32.
+        Length of a state, at most 40.
     discount
         What a reward counts one decision later.
     seed
@@ -115,7 +115,9 @@ class TreeWorld(GrownEnsemble[Experience]):
 
     def _pairs(self) -> Ints:
         axes = self.axes[self.varying_]
-        alone = (axes[:, None] == axes) & (axes >= 0) if self.config.distances else np.ones((len(axes),) * 2, np.bool_)
+        alone = np.ones((len(axes),) * 2, np.bool_)
+        if self.config.distances:
+            alone = (axes[:, None] == axes) & is_place(axes)
         return np.argwhere(np.triu(alone, 1))
 
     def imagine(self, history: History, sequences: Ints) -> Scenarios:
@@ -247,7 +249,7 @@ class TreeWorld(GrownEnsemble[Experience]):
         begin = self.config.counterfactuals_from
         if begin and NO_AXIS in self.axes and len(states) >= max(begin, 2 * self._judged):
             self._judged = len(states)
-            flying = self.varying_[(self.inertia_ > 0) & (self.axes[self.varying_] != NO_AXIS)]
+            flying = self.varying_[(self.inertia_ > 0) & is_place(self.axes[self.varying_])]
             self.local_ = local_things(play, flying, self.axes, self._lesson_of, rng)
 
     def _in_units(self, states: Floats) -> Floats:

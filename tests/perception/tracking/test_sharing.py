@@ -28,9 +28,9 @@ def play(assigner, frames, *, second=False, learns=False):
         yield tracks
 
 
-@pytest.fixture(scope="module")
-def assigner():
-    learned = SlotAssigner(SlotAssignerConfig(frames=FRAMES, slots=3))
+@pytest.fixture(scope="module", params=[False, True])
+def assigner(request):
+    learned = SlotAssigner(SlotAssignerConfig(frames=FRAMES, slots=3, sizes=request.param))
     for _ in play(learned, FRAMES, learns=True):
         pass
     assert len(learned.slots_) == 2 and learned.shared_.any()
@@ -48,20 +48,20 @@ def test_each_of_two_has_the_slot_once_with_its_own_past(assigner):
         facts = assigner.transform(tracks)
         lists = shared.lists(tracks, facts)
         assert len(lists) == (2 if t >= 3 + LEAST_DECISIONS else 0)
-    one, other = (each.reshape(REMEMBERED, -1, 3)[:, slot] for each in lists)
+    one, other = (each.reshape(REMEMBERED, 3, -1)[:, slot] for each in lists)
     np.testing.assert_array_equal(lists[0][0], facts)
     now = np.arange(29, 29 - REMEMBERED, -1)
     np.testing.assert_allclose(one[:, 1] * 83, 10 + 1.5 * now, atol=1e-4)
     np.testing.assert_allclose(other[:, 1] * 83, 70 - 1.5 * now, atol=1e-4)
-    rest = np.delete(lists[0].reshape(REMEMBERED, -1, 3), slot, axis=1)
-    np.testing.assert_array_equal(rest, np.delete(lists[1].reshape(REMEMBERED, -1, 3), slot, axis=1))
+    rest = np.delete(lists[0].reshape(REMEMBERED, 3, -1), slot, axis=1)
+    np.testing.assert_array_equal(rest, np.delete(lists[1].reshape(REMEMBERED, 3, -1), slot, axis=1))
 
 
 def test_before_it_began_a_thing_was_not_there(assigner):
     shared, slot = SharedSlots(assigner), int(np.flatnonzero(assigner.kinds_[assigner.slots_] == 1)[0])
     for tracks in play(assigner, 10, second=True):
         lists = shared.lists(tracks, assigner.transform(tracks))
-    assert lists[1].reshape(len(lists[1]), -1, 3)[:, slot, 2].tolist() == [1] * 7 + [0] * 3
+    assert lists[1].reshape(len(lists[1]), 3, -1)[:, slot, -1].tolist() == [1] * 7 + [0] * 3
 
 
 def test_it_can_be_switched_off(assigner):

@@ -144,6 +144,25 @@ def test_a_ball_that_is_away_has_its_mean_place_and_is_not_seen(learned):
     np.testing.assert_allclose(seen[np.arange(120) % 40 > 34, :2], np.tile(mean, (15, 1)), rtol=1e-5)
 
 
+def test_where_sizes_count_each_slot_holds_them_between_place_and_whether_it_is_seen(learned):
+    roles = SlotAssigner(replace(learned.config, sizes=True))
+    for _ in played(roles):
+        pass
+    assert roles.slots_.tolist() == learned.slots_.tolist()
+    for tracks in played(roles, seed=1):
+        sized, plain = roles.transform(tracks).reshape(4, 5), learned.transform(tracks).reshape(4, 3)
+        np.testing.assert_array_equal(sized[:, [0, 1, 4]], plain)
+        for slot, role in enumerate(roles.slots_):
+            (seen,) = np.flatnonzero(tracks.roles == role) if (tracks.roles == role).any() else (None,)
+            if seen is not None:
+                left, top, right, bottom = tracks.edges_px[seen]
+                np.testing.assert_allclose(sized[slot, 2:4], np.array([right - left, bottom - top]) / 83, atol=1e-6)
+        for one, other in zip(roles.read(sized.ravel()), learned.read(plain.ravel()), strict=True):
+            np.testing.assert_array_equal(one, other)
+    at_rest = roles.at_rest_.reshape(4, 5)
+    assert (at_rest[: len(roles.slots_), 2:4] > 0).all() and not at_rest[len(roles.slots_) :].any()
+
+
 def test_a_list_is_read_as_the_objects_that_are_seen(learned):
     for tracks in played(learned, seed=8, frames=60):
         kinds, centres = learned.read(learned.transform(tracks))

@@ -143,3 +143,8 @@ def test_an_episode_without_things_is_refused():
 def test_settings_that_mean_nothing_are_refused(wrong):
     with pytest.raises(UsageError):
         LiftedConfig(**wrong)
+
+
+def test_sizes_are_refused():
+    with pytest.raises(UsageError, match=r"do without slot_assigner\.sizes"):
+        LiftedWorld(CONFIG, 5, axes=np.array([0, 1, 2, 3, -1]))

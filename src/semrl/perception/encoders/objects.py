@@ -11,14 +11,14 @@ from semrl.perception.encoders.through import ThroughPerception
 from semrl.perception.perception import Perception
 from semrl.perception.pretraining.stability import StabilityConfig
 from semrl.perception.pretraining.stages import ClustererStage, DetectorStage, ReducerStage, SlotsStage, Stage
-from semrl.perception.tracking import AXES, SLOT_NUMBERS, Inheritance, SharedSlots, restored_tracks
+from semrl.perception.tracking import AXES, Inheritance, SharedSlots, restored_tracks
 
 PERCENT = 0.01
 """Of the image: the unit in which people are shown places."""
 
 
 class ObjectsEncoder(ThroughPerception):
-    """Shows where the objects that move are: x, y and whether it is seen, for each role with a slot."""
+    """Shows where objects that move are: x, y, whether it is seen, and its size where that counts, for each slot."""
 
     tracked = True
 
@@ -111,14 +111,14 @@ class TrackedEpisode:
 def listed_space(perception: Perception, before: int = 0) -> StateSpace:
     """Return the space of states that are a list of tracked objects, behind so many other numbers."""
     roles = perception.slot_assigner
-    slots, numbers = perception.config.slot_assigner.slots, len(SLOT_NUMBERS)
-    axes = np.tile([AXES.index(name) if name in AXES else -1 for name in SLOT_NUMBERS], slots)
+    slots, numbers = perception.config.slot_assigner.slots, perception.config.slot_assigner.numbers
+    axes = np.tile([AXES.index(name) if name in AXES else -1 for name in numbers], slots)
     return StateSpace(
         shape=(before + roles.dimension,),
         n_facts=roles.dimension,
-        names=tuple(f"{role} {name}" for role in roles.names_ for name in SLOT_NUMBERS),
+        names=tuple(f"{role} {name}" for role in roles.names_ for name in numbers),
         axes=axes,
-        seen=np.repeat(numbers * np.arange(slots) + SLOT_NUMBERS.index("seen"), numbers),
+        seen=np.repeat(len(numbers) * np.arange(slots) + numbers.index("seen"), len(numbers)),
         unit=PERCENT,
         has_things=True,
     )

@@ -7,7 +7,7 @@ from semrl.core import IMAGE_SIZE_PX, Floats, Ints, Tracks
 from semrl.core.protocols import Saved
 from semrl.core.things import LEAST_MOVING_SHARE
 from semrl.perception.tracking.slot_statistics import NEVER
-from semrl.perception.tracking.slots import SLOT_NUMBERS, SlotAssigner
+from semrl.perception.tracking.slots import SlotAssigner, sizes_px
 
 REMEMBERED = 16
 """Decisions back, as far as a plan looks."""
@@ -17,8 +17,6 @@ LEAST_DECISIONS = 3
 
 MOST_MORE = 2
 """Things without a slot of their own that count; the ones that fit worse do not."""
-
-_WIDTH = len(SLOT_NUMBERS)
 
 
 class SharedSlots(Saved):
@@ -42,7 +40,8 @@ class SharedSlots(Saved):
         self._assigner = assigner
         self._slots = np.flatnonzero(assigner.shared_) if on else np.zeros(0, np.int64)
         self._ids: Ints = np.zeros(0, np.int64)
-        self._trails: Floats = np.zeros((0, REMEMBERED, _WIDTH), np.float32)  # of each track, NaN before it began
+        self._width = len(assigner.config.numbers)
+        self._trails: Floats = np.zeros((0, REMEMBERED, self._width), np.float32)  # of each track, NaN before it began
         self._lists: Floats = np.zeros((0, assigner.dimension), np.float32)
         self._left: Ints = np.zeros(len(assigner.slots_), np.int64)  # decisions for which each slot is shared still
 
@@ -76,10 +75,12 @@ class SharedSlots(Saved):
         return main, *(self._with(main, slot, track) for track, slot in more)
 
     def _remember(self, tracks: Tracks, facts: Floats) -> None:
-        now = np.empty((len(tracks), 1, _WIDTH), np.float32)
+        now = np.empty((len(tracks), 1, self._width), np.float32)
         now[:, 0, :2] = tracks.centres_px[:, ::-1] / np.float32(IMAGE_SIZE_PX - 1)
-        now[:, 0, 2] = tracks.visible
-        past = np.full((len(tracks), REMEMBERED - 1, _WIDTH), np.nan, np.float32)
+        if self._assigner.config.sizes:
+            now[:, 0, 2:4] = sizes_px(tracks) / np.float32(IMAGE_SIZE_PX - 1)
+        now[:, 0, -1] = tracks.visible
+        past = np.full((len(tracks), REMEMBERED - 1, self._width), np.nan, np.float32)
         places = {track: place for place, track in enumerate(self._ids.tolist())}
         for place, track in enumerate(tracks.ids.tolist()):
             if track in places:
@@ -105,6 +106,6 @@ class SharedSlots(Saved):
     def _with(self, lists: Floats, slot: int, track: int) -> Floats:
         """Return the lists with a track in a slot; before it began, the slot is as it is when nothing is there."""
         trail, changed = self._trails[track, : len(lists)], lists.copy()
-        place = slice(slot * _WIDTH, (slot + 1) * _WIDTH)
+        place = slice(slot * self._width, (slot + 1) * self._width)
         changed[:, place] = np.where(np.isnan(trail), self._assigner.at_rest_[place], trail)
         return changed

@@ -20,8 +20,11 @@ from semrl.perception.tracking.tints import Tints
 SLOT_NUMBERS = ("x", "y", "seen")
 """What each slot holds."""
 
-AXES = ("x", "y")
-"""Those of them that are places."""
+SIZED_NUMBERS = ("x", "y", "width", "height", "seen")
+"""What it holds where sizes count."""
+
+AXES = ("x", "y", "width", "height")
+"""Those of them that are measured along the image, in the order of `StateSpace.axes`."""
 
 LEAST_SEEN_SHARE = 0.02
 """Share of the decisions at which a role must have been seen."""
@@ -43,6 +46,13 @@ class SlotAssignerConfig:
     """Frames of random play in which roles are learned."""
     slots: int = 8
     """Most roles that an agent is shown: what it controls, then those seen most."""
+    sizes: bool = False
+    """Whether it is shown their width and height as well: where things stretch, fall or come nearer."""
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """What each slot holds."""
+        return SIZED_NUMBERS if self.sizes else SLOT_NUMBERS
 
     def __post_init__(self) -> None:
         if self.frames < 1 or self.slots < 1:
@@ -81,7 +91,7 @@ class SlotAssigner(Saved):
     @property
     def dimension(self) -> int:
         """Length of the vectors."""
-        return self.config.slots * len(SLOT_NUMBERS)
+        return self.config.slots * len(self.config.numbers)
 
     @property
     def is_fitted(self) -> bool:
@@ -173,7 +183,7 @@ class SlotAssigner(Saved):
 
     @property
     def at_rest_(self) -> Floats:
-        """The vector when nothing is there, ``(slots · 3,)``; see `transform`."""
+        """The vector when nothing is there, as long as those of `transform`."""
         return self._at_rest.ravel()
 
     def costs(self, tracks: Tracks) -> NDArray[np.float64]:
@@ -199,7 +209,8 @@ class SlotAssigner(Saved):
     def transform(self, tracks: Tracks) -> Floats:
         """Write the tracks as a vector, ``(slots · 3,)`` float32: x and y in 0 … 1, and 1 if it is seen.
 
-        A role that is not there has its mean place and is not seen; a slot without a role is zeros.
+        Where sizes count it is ``(slots · 5,)``, width and height between them as shares of the image. A role that is
+        not there has its mean place and size and is not seen; a slot without a role is zeros.
 
         Parameters
         ----------
@@ -207,7 +218,8 @@ class SlotAssigner(Saved):
             With their roles.
         """
         vector = self._at_rest.copy()
-        _write_slots(vector, self.slots_, tracks.roles, tracks.centres_px, tracks.time_since_update, IMAGE_SIZE_PX - 1)
+        centres, sizes = tracks.centres_px, sizes_px(tracks)
+        _write_slots(vector, self.slots_, tracks.roles, centres, sizes, tracks.time_since_update, IMAGE_SIZE_PX - 1)
         return vector.ravel()
 
     def things(self, tracks: Tracks) -> Floats:
@@ -250,8 +262,8 @@ class SlotAssigner(Saved):
 
         Centres are ``(n, 2)`` float32, row and column in pixels of the 84×84 image.
         """
-        slots = vector.reshape(self.config.slots, len(SLOT_NUMBERS))[: len(self.slots_)]
-        seen = slots[:, 2] > 0.5
+        slots = vector.reshape(self.config.slots, len(self.config.numbers))[: len(self.slots_)]
+        seen = slots[:, -1] > 0.5
         return self._slot_kinds[seen], slots[seen, 1::-1] * np.float32(IMAGE_SIZE_PX - 1)
 
     def _restored(self) -> None:
@@ -284,19 +296,35 @@ class SlotAssigner(Saved):
         self._slot_of = np.full(len(self._statistics) + 1, -1, np.float32)
         self._slot_of[self.slots_] = np.arange(len(self.slots_))
         self._moved_by_actions = np.append(self.controlled_, False).astype(np.float32)
-        self._at_rest: Floats = np.zeros((self.config.slots, len(SLOT_NUMBERS)), np.float32)
+        self._at_rest: Floats = np.zeros((self.config.slots, len(self.config.numbers)), np.float32)
         self._at_rest[: len(self.slots_), :2] = self._statistics.means[self.slots_, ::-1]
-        self._at_rest[:, :2] /= IMAGE_SIZE_PX - 1
+        if self.config.sizes:
+            size = [HABITS.index("width"), HABITS.index("height")]
+            self._at_rest[: len(self.slots_), 2:4] = self.habits_[0][:, size]
+        self._at_rest[:, :-1] /= IMAGE_SIZE_PX - 1
+
+
+def sizes_px(tracks: Tracks) -> Floats:
+    """Return width and height of each track, ``(n, 2)`` float32, in pixels of the 84×84 image."""
+    return np.asarray(tracks.edges_px[:, 2:] - tracks.edges_px[:, :2], np.float32)
 
 
 @compiled
 def _write_slots(  # noqa: PLR0917 - compiled functions take no keywords
-    vector: Floats, slots: Ints, roles: Ints, centres_px: Floats, time_since_update: Ints, last_px: int
+    vector: Floats,
+    slots: Ints,
+    roles: Ints,
+    centres_px: Floats,
+    sizes_px: Floats,
+    time_since_update: Ints,
+    last_px: int,
 ) -> None:
-    """Write the tracks that have a role with a slot into ``(slots, 3)``."""
+    """Write the tracks that have a role with a slot into ``(slots, 3)``, or ``(slots, 5)`` where sizes count."""
     for slot in range(len(slots)):
         for i in range(len(roles)):
             if roles[i] == slots[slot]:
                 vector[slot, 0] = centres_px[i, 1] / np.float32(last_px)
                 vector[slot, 1] = centres_px[i, 0] / np.float32(last_px)
-                vector[slot, 2] = time_since_update[i] == 0
+                for axis in range(2, vector.shape[1] - 1):
+                    vector[slot, axis] = sizes_px[i, axis - 2] / np.float32(last_px)
+                vector[slot, -1] = time_since_update[i] == 0

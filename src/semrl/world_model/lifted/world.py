@@ -63,7 +63,9 @@ class LiftedWorld(GrownEnsemble[Play]):
         discount: float = 1.0,
         axes: Ints | None = None,
     ) -> None:
-        del n_actions, axes  # an action is a number among others to a tree; slots say themselves what they are
+        if axes is not None and (axes > 1).any():
+            raise UsageError("the lifted world model reasons about places alone: do without slot_assigner.sizes")
+        del n_actions  # an action is a number among others to a tree; slots say themselves what they are
         super().__init__(config, Play(config.capacity), seed=seed, discount=discount)
         self.config = config
         self.dimension = dimension
