@@ -5,7 +5,8 @@ import pytest
 
 from semrl.core import History, Trajectory
 from semrl.world_model import TreesConfig, TreeWorld
-from semrl.world_model.counterfactuals import FAR, rearranged, things_of
+from semrl.world_model.axes import things_of
+from semrl.world_model.counterfactuals import FAR, rearranged
 from semrl.world_model.experience import Experience
 
 AXES = np.array([0, 1, -1] * 3)

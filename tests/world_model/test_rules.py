@@ -4,12 +4,16 @@ import numpy as np
 import pytest
 
 from semrl.core.errors import UsageError
+from semrl.world_model.nearest import Nearest, none_compared
 from semrl.world_model.rules import feature_names, read_tree
-from semrl.world_model.tree_kernels import lay_out
+from semrl.world_model.tree_kernels import Relations, lay_out
 from semrl.world_model.trees import Forests
 
 NAMES, ACTIONS = ("x", "y"), ("LEFT", "RIGHT")
-DIFFERENCES, DISTANCES = ((np.array([[0, 1]]), distances) for distances in (False, True))
+DIFFERENCES, DISTANCES = (Relations(np.array([[0, 1]]), distances, none_compared()) for distances in (False, True))
+NEAREST = Relations(
+    np.zeros((0, 2), np.int64), True, Nearest(np.array([[0, 1, -1], [-1, -1, -1]]), np.ones((2, 3), np.float32))
+)
 
 
 def forest(rows, targets, leaf_rows=2):
@@ -18,13 +22,13 @@ def forest(rows, targets, leaf_rows=2):
 
 
 def test_every_column_has_a_name():
-    for past_states, past_actions in ((2, 0), (4, 3)):
-        names = feature_names(NAMES, past_states, past_actions, DISTANCES)
+    for past_states, past_actions, relations in ((2, 0, DISTANCES), (4, 3, DISTANCES), (2, 1, NEAREST)):
+        names = feature_names(NAMES, past_states, past_actions, relations)
         rows = lay_out(
             np.zeros((1, past_states, 2), np.float32),
             np.zeros((1, past_actions), np.int64),
             np.zeros(1, int),
-            DISTANCES,
+            relations,
         )
         assert len(names) == len(set(names)) == rows.shape[1]
 

@@ -6,7 +6,8 @@ from sklearn.tree import DecisionTreeRegressor
 
 from semrl.core import NO_ACTION
 from semrl.world_model.cart import MAX_BINS, bins_of
-from semrl.world_model.tree_kernels import lay_out
+from semrl.world_model.nearest import none_compared
+from semrl.world_model.tree_kernels import Relations, lay_out
 from semrl.world_model.trees import Forests
 
 
@@ -16,7 +17,7 @@ def wholes(n, d, seed=0, most=30):
 
 def compared(dimension, distances=False):
     """All pairs of so many numbers."""
-    return np.argwhere(np.triu(np.ones((dimension, dimension)), 1)), distances
+    return Relations(np.argwhere(np.triu(np.ones((dimension, dimension)), 1)), distances, none_compared())
 
 
 def fitted(rows, targets, *, members=1, leaf_rows=3, seed=0, hidden_column=None):
@@ -129,7 +130,8 @@ def test_numbers_are_seen_in_relation_to_each_other(distances):
 
 def test_only_what_is_comparable_is_compared():
     states = np.arange(6, dtype=np.float32).reshape(1, 2, 3) ** 2
-    row = lay_out(states, np.zeros((1, 0), np.int64), np.array([7]), (np.array([[0, 2]]), False))
+    relations = Relations(np.array([[0, 2]]), False, none_compared())
+    row = lay_out(states, np.zeros((1, 0), np.int64), np.array([7]), relations)
     assert row.shape == (1, 12) and row[0, -3:].tolist() == [0 - 4, -9 - (8 - 25), 7]
 
 

@@ -101,6 +101,9 @@ class TreesConfig:
     distances: bool = False
     """Whether numbers are compared along an axis alone, and by how far they lie apart as well: a contact is one cut of
     a distance and two of a difference, which counts when there was little play."""
+    nearest_from: int = 0
+    """Things from which on each is compared with what is nearest to it, whichever that is, and not with each other one:
+    what many things do alike is learned once, from fewer numbers; 0: never."""
     counterfactuals_from: int = 0
     """Decisions from which on things that fly by themselves are learned from play in which far things have changed
     places: else trees take what goes together for what causes what (Pitis et al. 2020); 0: never."""
@@ -140,7 +143,7 @@ class TreesConfig:
                 raise UsageError(f"trees.{name} must be 1 or more, not {getattr(self, name)}")
         if not 0 <= self.screening <= self.members:
             raise UsageError(f"trees.screening must lie in 0 … members, {self.members}, not {self.screening}")
-        for name in ("counterfactuals_from", "reward_gap", "grown_numbers"):
+        for name in ("nearest_from", "counterfactuals_from", "reward_gap", "grown_numbers"):
             if getattr(self, name) < 0:
                 raise UsageError(f"trees.{name} must be 0 or more, not {getattr(self, name)}")
         if self.past_states < 2 or self.past_actions < 0:

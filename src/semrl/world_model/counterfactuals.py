@@ -12,13 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.core import Floats, Ints
+from semrl.world_model.axes import NO_AXIS, things_of
 from semrl.world_model.trees import Forests
 
 FAR = 0.2
 """Share of the image: things that are farther apart along an axis do not touch within a decision."""
-
-NO_AXIS = -1
-"""Of a number that says whether a thing is seen."""
 
 JUDGED_DECISIONS = 5_000
 """The newest, in which it is judged which things are local: one half to learn from, the other to be tested in."""
@@ -97,25 +95,6 @@ def _predicted(lesson: tuple[Floats, Floats], rows: Floats, rng: np.random.Gener
     forest = Forests(1).fit(seen, changes.astype(np.float64), rng, leaf_rows=[2] * changes.shape[1])
     predicted: Floats = forest(rows)[0]
     return predicted
-
-
-def is_place(axes: Ints) -> NDArray[np.bool_]:
-    """Tell which numbers say where things are; see `StateSpace.axes`."""
-    places: NDArray[np.bool_] = (axes == 0) | (axes == 1)
-    return places
-
-
-def things_of(axes: Ints) -> Ints:
-    """Return which thing each number is about, ``(d,)`` int64: where it lies, and last whether it is seen.
-
-    Parameters
-    ----------
-    axes
-        See `StateSpace.axes`. Where nothing says whether things are seen, all numbers are about one.
-    """
-    ends = (axes == NO_AXIS).astype(np.int64)
-    things: Ints = np.cumsum(ends) - ends
-    return things
 
 
 def rearranged(windows: Floats, axes: Ints, rng: np.random.Generator) -> Floats:

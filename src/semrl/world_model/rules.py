@@ -12,6 +12,7 @@ import numpy as np
 
 from semrl.core import Floats, History
 from semrl.core.errors import UsageError
+from semrl.world_model.nearest import names_of_nearest
 from semrl.world_model.switching import Region, SwitchedOff
 from semrl.world_model.tree_kernels import Relations
 from semrl.world_model.trees import Tree
@@ -102,7 +103,7 @@ def feature_names(names: Sequence[str], past_states: int, past_actions: int, rel
         for h in range(past_states - 1)
         for name in names
     ]
-    pairs, distances = relations
+    pairs, distances, nearest = relations
     compared = [
         text
         for one, other in ((names[i], names[j]) for i, j in pairs.tolist())
@@ -112,6 +113,8 @@ def feature_names(names: Sequence[str], past_states: int, past_actions: int, rel
             *((f"|{one} − {other}|", f"|{one} − {other}|, if both go on,") if distances else ()),
         )
     ]
+    for x, y, _ in nearest.columns.tolist():
+        compared += names_of_nearest(names[x] if x >= 0 else "its x", names[y] if y >= 0 else "its y")
     actions = ["the action", *(f"the action {k + 1} before" for k in range(past_actions))]
     return [*names, *(f"{name}, if it goes on," for name in names), *changes, *compared, *actions]
 

@@ -4,19 +4,29 @@ Everything is done for many rows at once, which stand in columns, the *lanes*: n
 so they are laid out several at a time, and while one lane waits for memory others descend.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semrl.core import Floats, Ints
 from semrl.core.kernels import compiled
+from semrl.world_model.nearest import NEAREST, Nearest, lay_out_nearest
 
 Trees = tuple[NDArray[Any], Ints]
 """``(k,)`` of `NODE` and ``(members, targets)`` roots among them."""
 
-Relations = tuple[Ints, bool]
-"""``(m, 2)`` pairs of numbers that are compared, and whether by how far they lie apart as well."""
+
+class Relations(NamedTuple):
+    """Which numbers are compared with which."""
+
+    pairs: Ints
+    """``(m, 2)`` numbers that are compared."""
+    distances: bool
+    """Whether by how far they lie apart as well."""
+    nearest: Nearest
+    """The things that are compared with what is nearest to them."""
+
 
 NODE = np.dtype([("column", "i4"), ("left", "i4"), ("cut", "f4"), ("mean", "f4")])
 """What is asked of a node, side by side in memory: apart it took half as long again."""
@@ -58,8 +68,9 @@ def ask(trees: Trees, rows: Floats) -> Floats:
 @compiled
 def width(dimension: int, past_states: int, past_actions: int, relations: Relations) -> int:
     """Return how many numbers `lay_out` makes of one decision."""
-    pairs, distances = relations
-    return dimension * (past_states + 1) + len(pairs) * (4 if distances else 2) + 1 + past_actions
+    pairs, distances, nearest = relations
+    compared = len(pairs) * (4 if distances else 2) + len(nearest.columns) * NEAREST
+    return dimension * (past_states + 1) + compared + 1 + past_actions
 
 
 @compiled
@@ -70,10 +81,11 @@ def lay_out_lanes(  # noqa: PLR0917
 
     A tree compares one number with a cut at a time, so "the ball is below the paddle" must be one number: the
     differences of pairs, now and after as much change again. "It touches the paddle" is one number only as a
-    distance. Of the first ``n`` lanes of ``(h, d, …)`` states in a ring, of which the newest has its place, ``(p, …)``
-    actions before and ``(…)`` actions now it makes ``(f, …)`` rows.
+    distance; and where there are many things, what any of them does to others is one rule only about the nearest.
+    Of the first ``n`` lanes of ``(h, d, …)`` states in a ring, of which the newest has its place, ``(p, …)`` actions
+    before and ``(…)`` actions now it makes ``(f, …)`` rows.
     """
-    (ring, newest), (pairs, distances) = states, relations
+    (ring, newest), (pairs, distances, things) = states, relations
     past, dimension, _ = ring.shape
     for i in range(dimension):
         now, then, row, after = ring[newest, i], ring[(newest + 1) % past, i], rows[i], rows[dimension + i]
@@ -96,6 +108,9 @@ def lay_out_lanes(  # noqa: PLR0917
                 if distances:
                     apart[s] = abs(row[s])
         at += 4 if distances else 2
+    if len(things.columns):
+        lay_out_nearest(things, rows, at, n, dimension)
+        at += len(things.columns) * NEAREST
     rows[at, :n] = chosen[:n]
     rows[at + 1 :, :n] = actions[:, :n]
 

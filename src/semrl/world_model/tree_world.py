@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 from semrl.core import Floats, History, Ints, Scenarios, Trajectory
 from semrl.core.arrays import Arrays, nest, unnest
 from semrl.core.errors import UsageError
+from semrl.world_model.axes import NO_AXIS, is_place, things_of
 from semrl.world_model.config import TreesConfig
-from semrl.world_model.counterfactuals import NO_AXIS, Decisions, is_place, local_things, rearranged, things_of
+from semrl.world_model.counterfactuals import Decisions, local_things, rearranged
 from semrl.world_model.ensemble import GrownEnsemble
 from semrl.world_model.experience import EVERY_REWARD, Experience
+from semrl.world_model.nearest import nearest_of, none_compared
 from semrl.world_model.rules import Rule, RuleBook, feature_names, read_tree
 from semrl.world_model.switching import SwitchedOff
 from semrl.world_model.tree_kernels import Relations, lay_out, width
@@ -58,6 +60,8 @@ class TreeWorld(GrownEnsemble[Experience]):
     ----------
     varying_ : ndarray
         ``(k,)`` int64, the numbers of a state that are looked at: those that change.
+    steady_ : ndarray
+        ``(d,)`` float32, what the newest state was when that was decided, in units of the resolution.
     inertia_ : ndarray
         ``(k,)`` float32, 1 for those of them that mostly change as they just did, like a ball in flight: of these the
         trees predict how the change changes. 0 for the others.
@@ -95,7 +99,8 @@ class TreeWorld(GrownEnsemble[Experience]):
         self.axes = np.zeros(dimension, np.int64) if axes is None else axes
         self.forests = Forests(config.members)
         self.varying_ = np.arange(dimension)
-        self._compared = self.varying_, self._pairs()  # which varied when these were the pairs
+        self.steady_ = np.zeros(dimension, np.float32)
+        self._compared = self.varying_, self._relations()  # which varied when these were compared
         self.inertia_ = np.zeros(dimension, np.float32)
         self.local_: Ints = np.zeros(0, np.int64)
         self.ending_ = EVERY_REWARD
@@ -110,8 +115,15 @@ class TreeWorld(GrownEnsemble[Experience]):
     def relations_(self) -> Relations:
         """Which of the numbers that vary are compared, and how."""
         if self._compared[0] is not self.varying_:
-            self._compared = self.varying_, self._pairs()
-        return self._compared[1], self.config.distances
+            self._compared = self.varying_, self._relations()
+        return self._compared[1]
+
+    def _relations(self) -> Relations:
+        c = self.config
+        nearest = nearest_of(self.axes, self.varying_, self.steady_, c.resolution)
+        if 0 < c.nearest_from <= len(nearest.columns):
+            return Relations(np.zeros((0, 2), np.int64), c.distances, nearest)
+        return Relations(self._pairs(), c.distances, none_compared())
 
     def _pairs(self) -> Ints:
         axes = self.axes[self.varying_]
@@ -242,6 +254,7 @@ class TreeWorld(GrownEnsemble[Experience]):
         states, inertia = play.states, np.zeros(len(self.axes), np.float32)
         inertia[self.varying_] = self.inertia_
         changed = (states[:, 0] != states[:, 1]).mean(axis=0)
+        self.steady_ = np.rint(states[-1, 0] / np.float32(self.config.resolution))
         self.varying_ = np.flatnonzero((changed > 0) & (changed >= self.config.least_changes))
         changes, before = _changes(self._in_units(states))
         lead = (changes == before).mean(axis=0) - (changes == 0).mean(axis=0)
@@ -286,6 +299,7 @@ class TreeWorld(GrownEnsemble[Experience]):
         own = {
             "counts": np.array([self.seen_, *self.grown_]),
             "varying": self.varying_,
+            "steady": self.steady_,
             "inertia": self.inertia_,
             "local": np.array([self._judged, *self.local_]),
             "ending": self.ending_,
@@ -299,6 +313,7 @@ class TreeWorld(GrownEnsemble[Experience]):
             self.experience.from_arrays(experience)
         self.forests.from_arrays(unnest(arrays, "forests"))
         self.varying_, self.inertia_ = arrays["varying"], arrays["inertia"]
+        self.steady_ = arrays.get("steady", self.steady_)  # older checkpoints have none
         self._judged, *local = arrays.get("local", np.zeros(1, np.int64)).tolist()  # older checkpoints have none
         self.local_ = np.array(local, np.int64)
         self.ending_ = arrays.get("ending", EVERY_REWARD)
