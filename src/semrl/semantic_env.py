@@ -1,5 +1,6 @@
 """Symbols, plans and goals for somebody else's agent, learned as it plays: a Gymnasium wrapper."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -17,6 +18,7 @@ from semrl.perception.encoders import ENCODERS
 from semrl.planning.module import PlanningModule, PlanRecord
 from semrl.training import RunConfig, preset
 from semrl.training.config import from_dict, to_dict
+from semrl.training.crowd import needed_slots, with_room
 from semrl.training.loop import EpisodeView, Step
 from semrl.training.stored_play import learn_to_see
 from semrl.world_model.protocol import RuleBased
@@ -82,7 +84,10 @@ class SemanticEnv(gym.Wrapper[Shown, Any, Frame, Any], gym.utils.RecordConstruct
         plan: bool = True,
         learn: bool = True,
     ) -> None:
-        self._make(env, preset("semrl", "objects-map") if config is None else config, plan=plan, learn=learn)
+        config = preset("semrl", "objects-map") if config is None else config
+        slots = needed_slots(config, env, game_seed=config.seed, seed=config.seed)
+        config = replace(config, perception=with_room(config.perception, slots))
+        self._make(env, config, plan=plan, learn=learn)
         rng = np.random.default_rng(self.config.seed)
         game = Game(env, self.config.seed)
         self.pretraining_decisions = learn_to_see(game, self.encoder, self.config.stability, rng, self.planning)

@@ -14,7 +14,7 @@ import tyro
 
 from semrl.cli.arguments import parse
 from semrl.cli.notes import notes_in_one_line
-from semrl.cli.progress import TrainingProgress, show_summary
+from semrl.cli.progress import TrainingProgress, say, show_summary
 from semrl.core.errors import UsageError
 from semrl.core.strict_json import dumps
 from semrl.training import RunConfig, RunFolder, TrainResult, preset, train
@@ -23,6 +23,9 @@ from semrl.training.trainer import Observer
 
 if TYPE_CHECKING:
     from semrl.cli.trackers import Tracker
+
+
+LOOKING = "looking at the game, to count what moves in it at once"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +63,7 @@ def main(argv: Sequence[str]) -> None:
         stack.enter_context(notes_in_one_line())
         observers: list[Observer] = [stack.enter_context(TrainingProgress(shown, path))]
         observers += [stack.enter_context(tracker) for tracker in trackers]
-        result = train(path, config, observers=observers)
+        result = train(path, config, observers=observers, looking=lambda: say(LOOKING))
     show_result(result, as_json=arguments.json)
 
 

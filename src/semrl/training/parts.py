@@ -1,6 +1,6 @@
 """All parts of a run, made and wired from its configuration."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,14 +14,17 @@ from semrl.perception.encoders import ENCODERS, Encoder
 from semrl.perception.pretraining.schedule import PretrainingSchedule
 from semrl.planning.module import PlanningModule
 from semrl.training.config import RunConfig
+from semrl.training.crowd import is_counted, needed_slots, with_room
 from semrl.training.trainer import Observer, Trainer
 from semrl.training.world import World
 
 
-def build_trainer(config: RunConfig, observers: Sequence[Observer] = (), *, env: Env | None = None) -> Trainer:
-    """Make all parts of a run and wire them; `env`, when it is there already, is the run's environment."""
+def build_trainer(
+    config: RunConfig, observers: Sequence[Observer] = (), *, env: Env | None = None, world: World | None = None
+) -> Trainer:
+    """Make all parts of a run and wire them; its environment, and what is noted of it, may be there already."""
     env = env or make_env(config.env, config.environment)
-    parts = build_parts(config, World.of(env, config.environment))
+    parts = build_parts(config, world or look_at(env, config))
     seeds = _seeds(config)
     return Trainer(
         Game(env, seeds[0]),
@@ -33,6 +36,16 @@ def build_trainer(config: RunConfig, observers: Sequence[Observer] = (), *, env:
         seed=seeds[2],
         observers=observers,
     )
+
+
+def look_at(env: Env, config: RunConfig, looking: Callable[[], None] | None = None) -> World:
+    """Return what is to be noted of a run's environment; `looking` is called first where that takes seconds."""
+    seeds, world = _seeds(config), World.of(env, config.environment)
+    if is_counted(config):
+        build_parts(config, world)  # what cannot work is refused at once
+        if looking:
+            looking()
+    return world.but(slots=needed_slots(config, env, game_seed=seeds[0], seed=seeds[2]))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -54,7 +67,8 @@ class Parts:
 def build_parts(config: RunConfig, world: World) -> Parts:
     """Make the parts of a run that learn."""
     seeds, n_actions = _seeds(config), len(world.actions)
-    encoder = ENCODERS.load(config.encoder_name)(config.perception, rom=world.rom, planning=config.plans)
+    perception = with_room(config.perception, world.slots) if world.slots else config.perception
+    encoder = ENCODERS.load(config.encoder_name)(perception, rom=world.rom, planning=config.plans)
     space = encoder.space
     planning = None
     if config.plans:

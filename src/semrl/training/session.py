@@ -4,7 +4,7 @@ import contextlib
 import signal
 import time
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -28,7 +28,7 @@ from semrl.training.checkpoint import Checkpoint
 from semrl.training.config import RunConfig
 from semrl.training.folder import RunFolder
 from semrl.training.metrics import MetricsFile
-from semrl.training.parts import build_trainer
+from semrl.training.parts import build_trainer, look_at
 from semrl.training.progress_lines import TrainingLines, append_line
 from semrl.training.trainer import Observer, Row, Trainer
 from semrl.training.world import World, read_world
@@ -49,7 +49,13 @@ class TrainResult:
     seconds: float
 
 
-def train(path: str | Path, config: RunConfig | None = None, *, observers: Sequence[Observer] = ()) -> TrainResult:
+def train(
+    path: str | Path,
+    config: RunConfig | None = None,
+    *,
+    observers: Sequence[Observer] = (),
+    looking: Callable[[], None] | None = None,
+) -> TrainResult:
     """Train a run to the end of its budget; a finished one is not trained again, unless what it learned is gone.
 
     Parameters
@@ -61,6 +67,8 @@ def train(path: str | Path, config: RunConfig | None = None, *, observers: Seque
         bit, however often a run was interrupted (same machine, same number of threads).
     observers
         Watch the training.
+    looking
+        Is called before a game is looked at for some seconds, where there is to be counted what moves in it.
 
     Raises
     ------
@@ -88,8 +96,9 @@ def train(path: str | Path, config: RunConfig | None = None, *, observers: Seque
     config = config or RunFolder(path).config()
     environment = noted.shown_alike(config.environment) if noted else config.environment
     with limited_threads(config.threads), contextlib.closing(make_env(config.env, environment)) as env:
-        trainer = build_trainer(config, env=env)  # what cannot work is refused before anything is written
-        world = noted or _looked_at(env, config)
+        world = noted or look_at(env, config, looking)
+        trainer = build_trainer(config, env=env, world=world)  # what cannot work is refused before anything is written
+        world = noted or _looked_at(env, config, world)
         folder = folder or RunFolder.create(path, config)
         if noted is None:
             folder.update_manifest(environment=world.to_dict())
@@ -242,9 +251,9 @@ def check_finite(arrays: Arrays) -> None:
             )
 
 
-def _looked_at(env: Env, config: RunConfig) -> World:
-    """Return what is to be noted of an environment, and warn of what its player should know."""
-    world = World.of(env, config.environment).but(repeats=repeats_itself(env, config.seed))
+def _looked_at(env: Env, config: RunConfig, world: World) -> World:
+    """Add whether an environment repeats itself, and warn of what its player should know."""
+    world = world.but(repeats=repeats_itself(env, config.seed))
     if not world.repeats:
         warnings.warn(
             f"{config.env} does not repeat itself: its checkpoints will not resume", SemrlWarning, stacklevel=3

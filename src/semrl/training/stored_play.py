@@ -30,6 +30,16 @@ def learn_to_see(
 
     Where play is stored, map and world model learn from it as well.
     """
+    decisions, stored = learn_from_random_play(game, encoder, config, rng)
+    if planning:
+        warm_start(game, encoder, planning, stored)
+    return decisions
+
+
+def learn_from_random_play(
+    game: Game, encoder: Encoder, config: StabilityConfig, rng: np.random.Generator
+) -> tuple[int, list[Played]]:
+    """Let perception learn until it is ready; return the decisions that were played, and what was stored of them."""
     schedule = PretrainingSchedule(encoder.stages(config), config)
     stored: list[Played] = []
     decisions = 0
@@ -47,9 +57,7 @@ def learn_to_see(
             stored.append(game.played)
     for _ in pretrain(game, schedule, stored):
         pass
-    if planning:
-        warm_start(game, encoder, planning, stored)
-    return decisions
+    return decisions, stored
 
 
 def pretrain(game: Game, schedule: PretrainingSchedule, stored: Sequence[Played]) -> Iterator[Stage]:

@@ -31,6 +31,8 @@ class World:
     """Probability that a frame repeats the previous action."""
     repeats: bool = True
     """Whether it plays alike from a seed and actions, so that the run can be resumed."""
+    slots: int = 0
+    """For how many things a state has room; 0: as many as are configured, in runs from before it was counted."""
 
     @classmethod
     def of(cls, env: Env, config: EnvironmentConfig) -> Self:
@@ -45,9 +47,9 @@ class World:
             sticky_actions=sticky_actions(env),
         )
 
-    def but(self, *, repeats: bool) -> Self:
-        """Return the same, with what was found out about repeating."""
-        return replace(self, repeats=repeats)
+    def but(self, **found: Any) -> Self:
+        """Return the same, with what was found out since."""
+        return replace(self, **found)
 
     def shown_alike(self, config: EnvironmentConfig) -> EnvironmentConfig:
         """Return how to play so that frames are pooled as they were, whatever random play would show now."""

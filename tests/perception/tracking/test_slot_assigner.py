@@ -207,7 +207,7 @@ def test_influence_finds_late_effects_and_is_blind_to_chance():
 
 
 def test_nonsense_is_refused():
-    for wrong in ({"frames": 0}, {"slots": 0}):
+    for wrong in ({"frames": 0}, {"slots": -1}):
         with pytest.raises(UsageError):
             SlotAssignerConfig(**wrong)
 

@@ -111,7 +111,7 @@ class TrackedEpisode:
 def listed_space(perception: Perception, before: int = 0) -> StateSpace:
     """Return the space of states that are a list of tracked objects, behind so many other numbers."""
     roles = perception.slot_assigner
-    slots, numbers = perception.config.slot_assigner.slots, perception.config.slot_assigner.numbers
+    slots, numbers = roles.config.slots, roles.config.numbers
     axes = np.tile([AXES.index(name) if name in AXES else -1 for name in numbers], slots)
     return StateSpace(
         shape=(before + roles.dimension,),

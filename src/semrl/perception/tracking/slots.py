@@ -1,6 +1,6 @@
 """Which tracks matter, and which place in the state each has: learned from how things move."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -35,6 +35,9 @@ LEAST_SPREAD_PX = 2.0
 LEAST_CONTROLLABILITY = 0.2
 """Share of the variance of a role's steps that the actions must explain, else it is not controlled."""
 
+FEWEST_SLOTS, MOST_SLOTS = 8, 12
+"""Slots where as many are wanted as are needed."""
+
 _MOST_ROLES = 64
 
 
@@ -45,7 +48,8 @@ class SlotAssignerConfig:
     frames: int = 500
     """Frames of random play in which roles are learned."""
     slots: int = 8
-    """Most roles that an agent is shown: what it controls, then those seen most."""
+    """Most roles that an agent is shown: what it controls, then those seen most; 0: one more than things mostly move at
+    once in the random play that perception learns from, 8 to 12."""
     sizes: bool = False
     """Whether it is shown their width and height as well: where things stretch, fall or come nearer."""
 
@@ -55,8 +59,10 @@ class SlotAssignerConfig:
         return SIZED_NUMBERS if self.sizes else SLOT_NUMBERS
 
     def __post_init__(self) -> None:
-        if self.frames < 1 or self.slots < 1:
-            raise UsageError(f"slot_assigner.frames and .slots must be 1 or more, not {self.frames} and {self.slots}")
+        if self.frames < 1 or self.slots < 0:
+            raise UsageError(
+                f"slot_assigner.frames must be 1 or more and .slots 0 or more, not {self.frames} and {self.slots}"
+            )
 
 
 class SlotAssigner(Saved):
@@ -74,13 +80,14 @@ class SlotAssigner(Saved):
     frames_ : int
         Frames seen so far.
     slots_ : ndarray
-        ``(k,)`` int64, the role in each slot, at most ``slots``; empty while roles are still being learned.
+        ``(k,)`` int64, the role in each slot, at most ``config.slots``; empty while roles are still being learned.
     """
 
     SAVED, PARTS = ("frames_", "slots_"), ("_statistics", "_controllability", "_tints")
 
     def __init__(self, config: SlotAssignerConfig | None = None) -> None:
-        self.config = config or SlotAssignerConfig()
+        config = config or SlotAssignerConfig()
+        self.config = config if config.slots else replace(config, slots=FEWEST_SLOTS)  # where nobody has counted
         self.frames_ = 0
         self.slots_: Ints = np.zeros(0, np.int64)
         self._statistics = SlotStatistics()
