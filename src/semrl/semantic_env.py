@@ -30,8 +30,9 @@ Shown = dict[str, Floats]
 class SemanticEnv(gym.Wrapper[Shown, Any, Frame, Any], gym.utils.RecordConstructorArgs):
     """An environment whose observations are a state, the features of a plan, and a goal.
 
-    Perception learns first, from random play (some 500 decisions in the preset ``semrl``), when it is made. Then map,
-    world model and rules are learned from what the agent does, whoever it is, and plans are made with them.
+    Perception learns first, from random play (some 500 decisions in the preset ``semrl``, which are played twice to the
+    same seeds: first to count what moves), when it is made. Then map, world model and rules are learned from what the
+    agent does, whoever it is, and plans are made with them.
 
     Parameters
     ----------

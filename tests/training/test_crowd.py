@@ -116,6 +116,13 @@ def test_a_run_notes_its_slots_and_is_resumed_and_played_with_them(tmp_path):
     assert len(player.encoder.perception.slot_assigner.slots_) == 12
 
 
+def test_trees_learn_from_as_many_things_with_their_sizes(tmp_path):
+    config = wanted("Many")
+    slots = replace(config.perception.slot_assigner, sizes=True)
+    train(tmp_path / "run", replace(config, perception=replace(config.perception, slot_assigner=slots)))
+    assert load_player(tmp_path / "run").encoder.space.n_facts == 5 * 12
+
+
 def test_an_environment_of_symbols_has_room_as_well():
     config = wanted("Many")
     env = SemanticEnv(make_env(config.env, config.environment), config)

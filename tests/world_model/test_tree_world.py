@@ -327,7 +327,7 @@ def test_the_oldest_episodes_are_forgotten():
 
 def test_states_too_long_for_trees_are_refused():
     TreeWorld(CONFIG, MAX_DIMENSION)
-    with pytest.raises(UsageError, match=r"at most 40 numbers, not 41; use planning\.world_model = 'networks'"):
+    with pytest.raises(UsageError, match=r"at most 60 numbers, not 61; use planning\.world_model = 'networks'"):
         TreeWorld(CONFIG, MAX_DIMENSION + 1)
 
 

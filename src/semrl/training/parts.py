@@ -1,7 +1,7 @@
 """All parts of a run, made and wired from its configuration."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,7 +45,7 @@ def look_at(env: Env, config: RunConfig, looking: Callable[[], None] | None = No
         build_parts(config, world)  # what cannot work is refused at once
         if looking:
             looking()
-    return world.but(slots=needed_slots(config, env, game_seed=seeds[0], seed=seeds[2]))
+    return replace(world, slots=needed_slots(config, env, game_seed=seeds[0], seed=seeds[2]))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -5,7 +5,7 @@ import signal
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import FrameType
@@ -98,7 +98,7 @@ def train(
     with limited_threads(config.threads), contextlib.closing(make_env(config.env, environment)) as env:
         world = noted or look_at(env, config, looking)
         trainer = build_trainer(config, env=env, world=world)  # what cannot work is refused before anything is written
-        world = noted or _looked_at(env, config, world)
+        world = noted or _tested(env, config, world)
         folder = folder or RunFolder.create(path, config)
         if noted is None:
             folder.update_manifest(environment=world.to_dict())
@@ -251,9 +251,9 @@ def check_finite(arrays: Arrays) -> None:
             )
 
 
-def _looked_at(env: Env, config: RunConfig, world: World) -> World:
+def _tested(env: Env, config: RunConfig, world: World) -> World:
     """Add whether an environment repeats itself, and warn of what its player should know."""
-    world = world.but(repeats=repeats_itself(env, config.seed))
+    world = replace(world, repeats=repeats_itself(env, config.seed))
     if not world.repeats:
         warnings.warn(
             f"{config.env} does not repeat itself: its checkpoints will not resume", SemrlWarning, stacklevel=3

@@ -47,10 +47,6 @@ class World:
             sticky_actions=sticky_actions(env),
         )
 
-    def but(self, **found: Any) -> Self:
-        """Return the same, with what was found out since."""
-        return replace(self, **found)
-
     def shown_alike(self, config: EnvironmentConfig) -> EnvironmentConfig:
         """Return how to play so that frames are pooled as they were, whatever random play would show now."""
         return replace(config, max_frames=self.max_frames, pooling=self.pooling)

@@ -20,8 +20,8 @@ from semrl.world_model.switching import SwitchedOff
 from semrl.world_model.tree_kernels import Relations, lay_out, width
 from semrl.world_model.trees import Forests, OtherRows
 
-MAX_DIMENSION = 40
-"""Longest state that trees are fitted to; they look at all pairs of numbers."""
+MAX_DIMENSION = 60
+"""Longest state that trees are fitted to: twelve things with their sizes. They may look at all pairs of numbers."""
 OLD_PER_NEW = 9
 """Remembered decisions to each new one that trees see which are grown anew in an altered world."""
 _UNDECIDED = 0.05  # share of the decisions: by so little nothing is decided anew, since all trees hang on it
@@ -48,7 +48,7 @@ class TreeWorld(GrownEnsemble[Experience]):
     config
         See `TreesConfig`.
     dimension
-        Length of a state, at most 40.
+        Length of a state, at most 60.
     discount
         What a reward counts one decision later.
     seed

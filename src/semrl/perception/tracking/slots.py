@@ -36,7 +36,7 @@ LEAST_CONTROLLABILITY = 0.2
 """Share of the variance of a role's steps that the actions must explain, else it is not controlled."""
 
 FEWEST_SLOTS, MOST_SLOTS = 8, 12
-"""Slots where as many are wanted as are needed."""
+"""Slots that a game of few things has, and one of many, where things are counted (`SlotAssignerConfig.slots` 0)."""
 
 _MOST_ROLES = 64
 
@@ -160,8 +160,7 @@ class SlotAssigner(Saved):
         self._tints.learn(tracks.classes[tracks.visible], tracks.colours[tracks.visible])
         roles = self.predict(tracks)
         # What stands still has no part in it, or it would spoil the habits of a role that is free for a while.
-        steady = (tracks.ages >= STEADY_DECISIONS) & (tracks.moves >= LEAST_MOVING_SHARE * tracks.ages)
-        candidates = tracks.visible & steady
+        candidates = moving(tracks)
         for i in np.flatnonzero(candidates & (roles < 0)):
             if len(self._statistics) < _MOST_ROLES:
                 roles[i] = len(self._statistics)
@@ -309,6 +308,12 @@ class SlotAssigner(Saved):
             size = [HABITS.index("width"), HABITS.index("height")]
             self._at_rest[: len(self.slots_), 2:4] = self.habits_[0][:, size]
         self._at_rest[:, :-1] /= IMAGE_SIZE_PX - 1
+
+
+def moving(tracks: Tracks) -> NDArray[np.bool_]:
+    """Tell which tracks are seen, were followed for long enough to tell, and move now and then, ``(n,)``."""
+    steady = (tracks.ages >= STEADY_DECISIONS) & (tracks.moves >= LEAST_MOVING_SHARE * tracks.ages)
+    return np.asarray(tracks.visible & steady)
 
 
 def sizes_px(tracks: Tracks) -> Floats:
