@@ -69,7 +69,7 @@ def remembered(run: Path) -> tuple[TreeWorld, Floats, NDArray[np.float64]]:
     world = load_player(run, memory=True).require_predictions(run).world_model
     if not isinstance(world, TreeWorld):
         raise UsageError(f"{run} remembers nothing that trees learn from")
-    return world, *world.training_set(world.experience, np.random.default_rng(0))
+    return world, *world.features.training_set(world.experience, np.random.default_rng(0))
 
 
 def measure(world: TreeWorld, rows: Floats, targets: NDArray[np.float64]) -> dict[str, Any]:

@@ -46,7 +46,7 @@ def test_only_what_has_changed_is_learned_anew(catch_run, memory):
     player = load_player(catch_run, memory=memory)
     world = player.planning.world_model
     found = find_changes(player, "", decisions=ENOUGH)
-    numbers, reward = world.varying_, len(world.varying_)
+    numbers, reward = world.features.varying_, len(world.features.varying_)
     before = [[tree.copy() for tree in world.forests._grown[1].tree(target)] for target in range(reward + 2)]
     world.learn_anew([one.trajectory for one in found.play], [int(numbers[0])], reward=True)
     for target in range(reward + 2):

@@ -89,7 +89,7 @@ def test_what_is_far_changes_places_whole_and_what_is_near_stays():
 
 
 def test_only_what_flies_by_itself_is_local(plain, local):
-    assert local.local_.tolist() == [BALL] and not len(plain.local_)
+    assert local.features.local_.tolist() == [BALL] and not len(plain.features.local_)
 
 
 def test_a_ball_flies_on_when_what_follows_it_rests(plain, local):
@@ -114,7 +114,7 @@ def test_the_follower_is_still_predicted_by_the_ball(plain, local):
 def test_it_goes_on_where_it_was_saved(local):
     other = TreeWorld(local.config, 9, axes=AXES)
     other.from_arrays(local.to_arrays())
-    np.testing.assert_array_equal(other.local_, local.local_)
+    np.testing.assert_array_equal(other.features.local_, local.features.local_)
     other.partial_fit(world(300, 5)), local.partial_fit(world(300, 5))
     for name, array in local.to_arrays().items():
         np.testing.assert_array_equal(other.to_arrays()[name], array)

@@ -91,14 +91,14 @@ def test_a_world_that_compares_with_the_nearest_is_saved_whole():
     again.from_arrays(world.to_arrays())
     history = History(states=states[20:4:-1], actions=actions[19:3:-1], number=20)
     told = [each.imagine(history, np.zeros((1, 5), np.int64)) for each in (world, again)]
-    assert len(world.relations_.nearest.columns) == 5 and world.relations_.nearest.steady[1, 1] == 30
+    assert len(world.features.relations_.nearest.columns) == 5 and world.features.relations_.nearest.steady[1, 1] == 30
     np.testing.assert_array_equal(told[0].states, told[1].states)
 
 
 def test_trees_compare_with_the_nearest_from_so_many_things_on():
     for things, nearest in ((3, 0), (4, 4), (5, 5)):
         world = TreeWorld(TreesConfig(nearest_from=4, distances=True), 3 * things, axes=AXES[: 3 * things])
-        assert len(world.relations_.nearest.columns) == nearest
-        assert (len(world.relations_.pairs) == 0) == (nearest > 0)
+        assert len(world.features.relations_.nearest.columns) == nearest
+        assert (len(world.features.relations_.pairs) == 0) == (nearest > 0)
     never = TreeWorld(TreesConfig(), 15, axes=AXES)
-    assert isinstance(never.relations_.nearest, Nearest) and not len(never.relations_.nearest.columns)
+    assert isinstance(never.features.relations_.nearest, Nearest) and not len(never.features.relations_.nearest.columns)

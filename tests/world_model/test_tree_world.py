@@ -111,7 +111,7 @@ def test_what_is_expected_beyond_is_the_return_that_came():
 def test_of_too_many_decisions_some_are_drawn(most):
     made = learned(dataclasses.replace(CONFIG, most_numbers=most), rally(3000))
     in_root = made.forests.tree(0).rows[0]
-    columns = width(3, CONFIG.past_states, CONFIG.past_actions, made.relations_)
+    columns = width(3, CONFIG.past_states, CONFIG.past_actions, made.features.relations_)
     assert in_root == (3000 if most == 1_000_000 else most // columns)
     assert made.forests.tree(0).rows.size > 1
 
@@ -123,7 +123,7 @@ def test_numbers_that_hardly_ever_change_are_left_out(flips, kept):
     flipped = np.cumsum(rare).astype(np.float32)[:, None]
     made = TreeWorld(CONFIG, 4)
     made.partial_fit(dataclasses.replace(part, states=np.hstack([part.states, flipped])))
-    assert made.varying_.tolist() == kept
+    assert made.features.varying_.tolist() == kept
 
 
 def test_numbers_that_are_always_the_same_are_left_out_and_stay():
@@ -133,9 +133,9 @@ def test_numbers_that_are_always_the_same_are_left_out_and_stay():
     for one, other in zip(wide, lived, strict=True):
         made.partial_fit(one)
         plain.partial_fit(other)
-    assert made.varying_.tolist() == [1, 2, 4]
+    assert made.features.varying_.tolist() == [1, 2, 4]
     told, expected = (w.imagine(history_of(p[0], 40), np.zeros((2, 9), int)) for w, p in ((made, wide), (plain, lived)))
-    np.testing.assert_array_equal(told.states[:, :, made.varying_], expected.states)
+    np.testing.assert_array_equal(told.states[:, :, made.features.varying_], expected.states)
     assert (told.states[:, :, [0, 3]] == 7).all()
     np.testing.assert_array_equal(told.rewards, expected.rewards)
 
@@ -153,7 +153,7 @@ def test_what_goes_on_by_itself_does_so_at_a_speed_never_seen():
     made.partial_fit(
         Trajectory(states=np.array(states, np.float32), actions=actions, rewards=np.zeros(1500, np.float32))
     )
-    assert made.inertia_.tolist() == [1, 0]
+    assert made.features.inertia_.tolist() == [1, 0]
     swift = np.array([[50, 0], [43, 0], [36, 0], [29, 0]], np.float32)
     told = made.imagine(History(states=swift, actions=np.zeros(3, np.int64), number=4), np.array([[0, 1, 0]]))
     assert told.states[0].tolist() == [[57, 0], [64, 5], [71, 5]]
@@ -185,7 +185,7 @@ def test_the_more_there_is_to_see_the_longer_a_forest_waits():
             made.partial_fit(walk(25, i))
             times.append(int(made.grown_.max()))
     waits = {made: np.unique(np.diff(np.unique(times))) for made, times in grown.items()}
-    columns = width(3, CONFIG.past_states, CONFIG.past_actions, often.relations_)
+    columns = width(3, CONFIG.past_states, CONFIG.past_actions, often.features.relations_)
     assert waits[often].max() == 50  # the next multiple of 25 above a share of 0.03
     assert waits[seldom].min() >= 50 * columns * 5 / 2_000  # three numbers, reward, return; the first 50 decisions
     assert waits[seldom].max() >= 500 * columns * 5 / 2_000
@@ -196,13 +196,13 @@ def test_gains_that_follow_each_other_end_nothing_that_is_imagined():
     walked = walk(600)
     paid = dataclasses.replace(walked, rewards=(np.arange(600) % 3 == 2).astype(np.float32))
     made, other = (learned(dataclasses.replace(CONFIG, reward_gap=gap), paid) for gap in (5, 2))
-    assert made.ending_.tolist() == [True, False] and other.ending_.all()
+    assert made.features.ending_.tolist() == [True, False] and other.features.ending_.all()
     restored = TreeWorld(CONFIG, 3)
     restored.from_arrays(trees_of(made))
-    assert restored.ending_.tolist() == [True, False]
+    assert restored.features.ending_.tolist() == [True, False]
     older = TreeWorld(CONFIG, 3)
     older.from_arrays({name: array for name, array in trees_of(made).items() if name != "ending"})
-    assert older.ending_.all()
+    assert older.features.ending_.all()
 
 
 def test_what_goes_on_by_itself_stays_so_unless_it_is_clear():
@@ -218,7 +218,7 @@ def test_what_goes_on_by_itself_stays_so_unless_it_is_clear():
     told = []
     for share in (0.8, 0.0, 0.2, 0.0, 0.75):  # in the third and the last episode it is not clear
         made.partial_fit(gliding(share))
-        told.append(made.inertia_.tolist())
+        told.append(made.features.inertia_.tolist())
     assert told == [[1], [1], [1], [0], [0]]
 
 
@@ -228,7 +228,11 @@ def test_forests_doubt_what_they_disagree_about(world):
     sequences = np.random.default_rng(0).integers(2, size=(40, 12))
     told = world.imagine(history_of(test, t), sequences)
     _, rewards, values = world.forests.roll(
-        world.inertia_, history_of(test, t).window(4), history_of(test, t).recent(3), sequences, world.relations_
+        world.features.inertia_,
+        history_of(test, t).window(4),
+        history_of(test, t).recent(3),
+        sequences,
+        world.features.relations_,
     )
     np.testing.assert_allclose(told.uncertainties, (rewards.sum(axis=2) + values).std(axis=0), atol=1e-6)
     assert told.uncertainties.shape == (40,) and told.uncertainties.max() > 0
@@ -272,11 +276,11 @@ def test_before_and_after_an_end_are_not_mixed_up():
     """The first state of an episode follows from nothing."""
     lived = [rally(40, seed) for seed in range(3)]
     made = learned(CONFIG, *lived)
-    rows, targets, other = made.training_set(made.experience, np.random.default_rng(0))
+    rows, targets, other = made.features.training_set(made.experience, np.random.default_rng(0))
     assert len(rows) == 120 and other is None
     for i, episode in enumerate(lived):
         changes = np.diff(episode.states, axis=0)
-        changes[1:] -= made.inertia_ * changes[:-1].copy()
+        changes[1:] -= made.features.inertia_ * changes[:-1].copy()
         np.testing.assert_array_equal(targets[40 * i : 40 * (i + 1), :3], changes)
         assert not rows[40 * i, 6:15].any()  # nothing moved before
     returns = np.concatenate([np.cumsum(episode.rewards[::-1])[::-1] for episode in lived])
@@ -304,14 +308,17 @@ def test_saved_midway_it_goes_on_bit_for_bit(saved_after):
 def test_distances_are_those_along_an_axis():
     config, axes = dataclasses.replace(CONFIG, distances=True), np.array([0, 1, -1, 0, 1, -1])
     made = TreeWorld(config, 6, axes=axes)
-    assert made.relations_[0].tolist() == [[0, 3], [1, 4]] and made.relations_[1]
-    made.varying_ = np.array([0, 2, 3, 5])
-    assert made.relations_[0].tolist() == [[0, 2]]  # among those that vary
+    assert made.features.relations_[0].tolist() == [[0, 3], [1, 4]] and made.features.relations_[1]
+    made.features.varying_ = np.array([0, 2, 3, 5])
+    assert made.features.relations_[0].tolist() == [[0, 2]]  # among those that vary
     sized = TreeWorld(config, 10, axes=np.array([0, 1, 2, 3, -1] * 2))
-    assert sized.relations_[0].tolist() == [[0, 5], [1, 6]]  # how wide one is says nothing of how wide another is
+    assert sized.features.relations_[0].tolist() == [
+        [0, 5],
+        [1, 6],
+    ]  # how wide one is says nothing of how wide another is
     every = [[i, j] for i in range(6) for j in range(i + 1, 6)]
-    assert TreeWorld(config, 6).relations_[0].tolist() == every
-    assert TreeWorld(CONFIG, 6, axes=axes).relations_[0].tolist() == every
+    assert TreeWorld(config, 6).features.relations_[0].tolist() == every
+    assert TreeWorld(CONFIG, 6, axes=axes).features.relations_[0].tolist() == every
 
 
 def test_trees_that_look_at_other_numbers_are_refused():

@@ -15,6 +15,7 @@ from semrl.knowledge.scene_classes import SceneClassesConfig, learn_scene_classe
 from semrl.knowledge.slots import NUMBERS, SlotReader, kinds_of, slots_of, words_of
 from semrl.planning.module import PlanningModule
 from semrl.world_model.protocol import Remembering, WorldModel
+from semrl.world_model.tree_world import TreeWorld
 
 _SIDE_PX = 84
 _MOST_DECISIONS = 20_000
@@ -101,7 +102,7 @@ def knowledge_of(words: RunWords, run: str | Path) -> Edited:
 def _flying(planning: PlanningModule, dimension: int) -> NDArray[np.bool_]:
     """Return which numbers mostly change as they just did, ``(d,)``, where the model of the world knows."""
     flying = np.zeros(dimension, np.bool_)
-    varying = getattr(planning.world_model, "varying_", None)
-    if varying is not None:
-        flying[varying] = planning.world_model.inertia_ > 0  # type: ignore[attr-defined]
+    if isinstance(planning.world_model, TreeWorld):
+        features = planning.world_model.features
+        flying[features.varying_] = features.inertia_ > 0
     return flying
