@@ -26,6 +26,23 @@ def test_a_paddle_that_is_cut_off_is_one_concept(seed):
     np.testing.assert_allclose(told.arena_px[[1, 3]], [10, 70], atol=1)
 
 
+def test_a_concept_with_a_slot_of_its_own_is_called_as_facts_call_it():
+    """Two balls of one concept share a name that no slot has; paddle and enemy have one each."""
+    paddle, enemy = thing(0, PADDLE, (70, 30, 72, 40), own=True, slot=3), thing(1, CLIPPED, (5, 30, 7, 40), slot=0)
+    balls = [thing(2 + i, BALL, (20 * i, 9, 20 * i + 2, 11), slot=1 + i) for i in range(2)]
+    known = Concepts().partial_fit([table(paddle, enemy, balls[0])] * 30)
+    assert set(known.table_.names) == {"own", "object0", "object1"}
+    known.partial_fit([table(paddle, enemy, *balls)] * 30)
+    names = dict(zip(known.table_.kinds, known.table_.names, strict=True))
+    assert names == {(PADDLE,): "own", (CLIPPED,): "object0", (BALL,): f"concept{known.table_.kinds.index((BALL,))}"}
+    again = Concepts()
+    again.from_arrays(known.to_arrays())
+    assert again.table_.names == known.table_.names
+    older = Concepts()
+    older.from_arrays({name: array for name, array in known.to_arrays().items() if name != "slots"})
+    assert older.is_fitted and "object0" not in older.table_.names
+
+
 def test_what_is_hidden_is_completed_and_velocities_are_those_of_whole_boxes():
     tables, _, _ = rally(600)
     known = Concepts().partial_fit(tables)

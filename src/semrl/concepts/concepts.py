@@ -11,7 +11,7 @@ from semrl.concepts.counting import GROUND_WAY, LABELS_A_KIND, STEP_PX, Counts, 
 from semrl.core import ConceptTable, Floats, Ints
 from semrl.core.arrays import Arrays
 from semrl.core.errors import UsageError
-from semrl.core.things import KIND, no_things
+from semrl.core.things import KIND, MAX_SLOTS, no_things
 
 NO_CONCEPT = -1
 """Of what was seen too rarely."""
@@ -83,11 +83,11 @@ class Concepts:
 
     Examples
     --------
-    >>> ball, paddle = [0, 7, 0, 0, -1, 10, 10, 12, 12], [1, 3, 0, 1, 0, 70, 30, 72, 40]
+    >>> ball, paddle = [0, 7, 0, 0, 1, 10, 10, 12, 12], [1, 3, 0, 1, 0, 70, 30, 72, 40]
     >>> play = [np.array([ball, paddle], np.float32)] * 20
     >>> concepts = Concepts().partial_fit(play)
     >>> concepts.table_.names
-    ('own0', 'object1')
+    ('own', 'object1')
     """
 
     def __init__(self, config: ConceptsConfig | None = None) -> None:
@@ -108,14 +108,22 @@ class Concepts:
     @property
     def table_(self) -> ConceptTable:
         """The concepts, by number; one that became part of another has no kinds any more."""
-        names = tuple(
-            f"{'own' if own else 'still' if static else 'object'}{number}"
-            for number, (own, static) in enumerate(zip(self.controlled_, self.static_, strict=True))
-        )
+        names = tuple(self._name(number) for number in range(self._numbers))
         kinds = tuple(tuple(sorted({label // LABELS_A_KIND for label in group})) for group in self._groups)
         return ConceptTable(
             names=names, controlled=self.controlled_, static=self.static_, kinds=kinds, arena_px=self.arena_px_
         )
+
+    def _name(self, number: int) -> str:
+        """Return what a concept is called: as the slot that is its own, if it has one, is called in the facts."""
+        if self.static_[number]:
+            return f"still{number}"
+        slots = np.flatnonzero(self._in_slots == number)
+        if not self.controlled_[number]:
+            return f"object{slots[0]}" if len(slots) == 1 else f"concept{number}"
+        if (self.controlled_ & self._used).sum() == 1:
+            return "own"
+        return f"own{slots[0]}" if len(slots) == 1 else f"concept{number}"
 
     @property
     def arena_px_(self) -> Floats:
@@ -143,7 +151,7 @@ class Concepts:
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Take over what `to_arrays` returned."""
-        known = no_counts(len(arrays["seen"]))._asdict() | arrays  # older checkpoints counted no touches
+        known = no_counts(len(arrays["seen"]))._asdict() | arrays  # older checkpoints counted less
         counts = Counts(*(known[name].copy() for name in Counts._fields))
         self._counts, self.decisions_ = counts, int(arrays["decisions"])
         self._settle(arrays["number_of"].copy(), int(arrays["numbers"]))
@@ -207,6 +215,9 @@ class Concepts:
         self.static_: NDArray[np.bool_] = flags >= 2
         self.controlled_: NDArray[np.bool_] = flags == 1
         self._ground: NDArray[np.bool_] = flags == GROUND_WAY
+        in_slots = np.array([n.slots[group].sum(axis=0) for group in self._groups]).reshape(numbers, MAX_SLOTS)
+        met = in_slots.any(axis=0)
+        self._in_slots = np.where(met, in_slots.argmax(axis=0), NO_CONCEPT) if numbers else np.zeros(0, np.int64)
         measured = np.array([n.measures[group].sum(axis=0) for group in self._groups]).reshape(numbers, *_MEASURES)
         self.sizes_px_: Floats = (measured[:, 4:].argmax(axis=2) * STEP_PX).astype(np.float32)
         self.bounds_px_: Floats = np.concatenate(

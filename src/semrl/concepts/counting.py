@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from semrl.concepts.touching import count_touches
 from semrl.core import Floats, Ints
 from semrl.core.kernels import compiled
-from semrl.core.things import GROUND, ID, KIND, LEFT, OWN, STILL
+from semrl.core.things import GROUND, ID, KIND, LEFT, MAX_SLOTS, OWN, SLOT, STILL
 
 LABELS_A_KIND = 4
 """A kind that moves, by itself or by actions, or stays; and a colour of the background."""
@@ -41,19 +41,22 @@ class Counts(NamedTuple):
     """``(l, 6, 841)`` int32: things of each left, top, right, bottom, width and height, in tenths of a pixel."""
     touches: NDArray[np.int64]
     """``(l, 3)`` int64, of labels of the ground: how often it was touched, stopped what did, was lost then."""
+    slots: Ints
+    """``(l, 64)`` int64: things of each in each place of the list of tracked objects."""
 
 
 def no_counts(labels: int) -> Counts:
     """Return the counts of so many labels before anything was seen."""
     one, two = np.zeros(labels, np.int64), np.zeros((labels, labels), np.int64)
     measures = np.zeros((labels, 6, _STEPS), np.int32)
-    return Counts(one, two, one.copy(), one.copy(), two.copy(), measures, np.zeros((labels, 3), np.int64))
+    touches, slots = np.zeros((labels, 3), np.int64), np.zeros((labels, MAX_SLOTS), np.int64)
+    return Counts(one, two, one.copy(), one.copy(), two.copy(), measures, touches, slots)
 
 
 def widened(counts: Counts, labels: int) -> Counts:
     """Return the same counts with room for more labels."""
     new, k = no_counts(labels), len(counts.seen)
-    for name in ("seen", "begins", "ends", "measures", "touches"):
+    for name in ("seen", "begins", "ends", "measures", "touches", "slots"):
         getattr(new, name)[:k] = getattr(counts, name)
     new.follows[:k, :k], new.together[:k, :k] = counts.follows, counts.together
     return new
@@ -95,8 +98,10 @@ def count(things: Floats, ends: Ints, counts: Counts) -> None:
 
 @compiled
 def _measure(thing: Floats, label: int, counts: Counts) -> None:
-    """Count one thing, where its edges are and how large it is."""
+    """Count one thing, its slot, where its edges are and how large it is."""
     counts.seen[label] += 1
+    if thing[SLOT] >= 0:
+        counts.slots[label, int(thing[SLOT])] += 1
     last = counts.measures.shape[2] - 1
     for k in range(6):
         value = thing[LEFT + k] if k < 4 else thing[LEFT + k - 2] - thing[LEFT + k - 4]

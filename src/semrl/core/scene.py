@@ -32,7 +32,7 @@ class ConceptTable:
     """The concepts of a run: what its things are, as learned from play."""
 
     names: tuple[str, ...]
-    """One word each, such as ``ball``; unique, stable while more is learned."""
+    """One word each, unique: ``own``, ``object2`` for what has that slot to itself, ``concept7``, ``still3``."""
     controlled: NDArray[np.bool_]
     """``(c,)``: whether its things answer to actions."""
     static: NDArray[np.bool_]

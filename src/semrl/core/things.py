@@ -18,6 +18,9 @@ COLUMNS = 9
 SLOT_NUMBERS = 3
 """What the list of tracked objects holds of each: x, y and whether it is seen."""
 
+MAX_SLOTS = 64
+"""Longest such list."""
+
 LEAST_MOVING_SHARE = 0.05
 """Share of the decisions at which a thing must have moved, else it is scenery: still, unless it has a slot."""
 

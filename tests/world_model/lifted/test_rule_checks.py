@@ -70,7 +70,7 @@ def test_what_sets_a_steered_thing_back_is_a_rule():
     lines, rules = told(rules_of(road(900, seed) for seed in range(3)), "DOWN", "UP")
     top, contact, otherwise = [rule for rule in rules if rule.claim.startswith("it goes down whatever the action")]
     assert top.conditions == ("it is beyond its top edge next",) and top.right == top.decisions > 30
-    assert contact.conditions[0].startswith("it touches object") and contact.right > 0.35 * contact.decisions > 10, (
+    assert contact.conditions[0].startswith("it touches concept") and contact.right > 0.35 * contact.decisions > 10, (
         lines
     )
     assert otherwise.conditions == ("otherwise",) and otherwise.right < 0.01 * otherwise.decisions

@@ -11,7 +11,7 @@ from semrl.core import IMAGE_SIZE_PX, Floats, Ints, Tracks
 from semrl.core.errors import DataError, UsageError
 from semrl.core.kernels import compiled
 from semrl.core.protocols import Saved
-from semrl.core.things import LEAST_MOVING_SHARE, things_of
+from semrl.core.things import LEAST_MOVING_SHARE, MAX_SLOTS, things_of
 from semrl.perception.tracking.controllability import Controllability
 from semrl.perception.tracking.following import MOVED_PX
 from semrl.perception.tracking.slot_statistics import HABITS, NEVER, STEADY_DECISIONS, SlotStatistics, costs
@@ -37,8 +37,6 @@ LEAST_CONTROLLABILITY = 0.2
 
 FEWEST_SLOTS, MOST_SLOTS = 8, 12
 """Slots that a game of few things has, and one of many, where things are counted (`SlotAssignerConfig.slots` 0)."""
-
-_MOST_ROLES = 64
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,7 +160,7 @@ class SlotAssigner(Saved):
         # What stands still has no part in it, or it would spoil the habits of a role that is free for a while.
         candidates = moving(tracks)
         for i in np.flatnonzero(candidates & (roles < 0)):
-            if len(self._statistics) < _MOST_ROLES:
+            if len(self._statistics) < MAX_SLOTS:
                 roles[i] = len(self._statistics)
                 self._statistics.found()
         shown = np.flatnonzero(candidates & (roles >= 0))
