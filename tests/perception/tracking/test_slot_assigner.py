@@ -111,6 +111,24 @@ def test_the_action_moves_the_player_alone(learned):
     assert influence.max() > 0.8 and np.sort(influence)[-2] < 0.1
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_what_actions_move_has_one_slot_though_it_looks_two_ways(seed):
+    """It is away now and then, and each second time comes back as something else."""
+    roles, tracks = SlotAssigner(SlotAssignerConfig(frames=2 * FRAMES)), no_tracks(N_CLASSES)
+    rng, player = np.random.default_rng(seed), 40.0
+    for t in range(3 * FRAMES):
+        action = int(rng.integers(2)) if t else None
+        player = np.clip(player + (0 if action is None else 4 * action - 2), 10, 74)
+        seen = [(0, 40 + 1.5 * abs(t % 40 - 20), 9)] + [(3 if t // 70 % 2 else 1, player, 74)] * (t % 70 < 60)
+        (tracks,) = followed([seen], tracks=tracks)
+        roles.partial_fit(tracks, action)
+        tracks = replace(tracks, roles=roles.predict(tracks))
+        if roles.is_fitted and t % 70 < 60:
+            own = roles.slots_[roles.names_.index("own")]
+            assert tracks.roles[tracks.visible & (tracks.centres_px[:, 1] == 74)].tolist() == [own]
+    assert len(roles.kinds_) == 3 and sorted(roles.names_) == ["object 0", "own"]
+
+
 def test_an_object_that_once_looked_odd_has_one_role_all_the_same(learned):
     """As it came back it fitted no role by its looks, and founded a second, which it had from then on or had not."""
     roles = SlotAssigner(SlotAssignerConfig(frames=FRAMES, slots=4))

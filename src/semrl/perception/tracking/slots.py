@@ -69,9 +69,9 @@ class SlotAssigner(Saved):
     Identities end with an episode, and sooner where an object leaves the image; a role stays. It is known by its
     habits: the classes and colours that were seen in it, where it stays and how often it moves. A track that has moved
     and fits no free role founds one. Whoever fits best has the role (all pairs at once, by likelihood; who has it
-    keeps it if in doubt). After `frames` of random play roles of one kind that take turns become one, and the roles
-    that move are given slots, ordered by kind, the older first; what stands still gets none. Whether the actions move
-    it is measured as well: see `Controllability`.
+    keeps it if in doubt). After `frames` of random play roles that take turns become one, if they are of one kind or
+    actions move both, and the roles that move are given slots, ordered by kind, the older first; what stands still gets
+    none. Whether the actions move it is measured as well: see `Controllability`.
 
     Attributes
     ----------
@@ -279,11 +279,15 @@ class SlotAssigner(Saved):
         return strays & (self.moving_ >= LEAST_MOVING_SHARE) & (self.seen_ >= LEAST_SEEN_SHARE)
 
     def _merge(self) -> None:
-        """Make one of roles that matter, are of one kind and take turns: an object that looked odd founded a second."""
+        """Make one of roles that matter, take turns, and are of one kind or are both moved by actions.
+
+        An object that looked odd founded a second one; what is steered may look otherwise each way that it goes.
+        """
         for role in np.argsort(-self.seen_, kind="stable").tolist():
             for other in range(len(self._statistics)):
-                alike = self._matter[[role, other]].all() and self.kinds_[role] == self.kinds_[other]
-                if role != other and alike and self._statistics.take_turns(role, other):
+                both = [role, other]
+                alike = self.kinds_[role] == self.kinds_[other] or self.controlled_[both].all()
+                if role != other and alike and self._matter[both].all() and self._statistics.take_turns(role, other):
                     self._statistics.merge(role, other)
                     self._controllability.merge(role, other)
 
