@@ -1,5 +1,6 @@
 """Somebody else's agent on states, plans and goals that are learned as it plays."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import gymnasium as gym
@@ -8,6 +9,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from semrl import SemanticEnv, make_env, preset
+from semrl.core import StateSpace
 from semrl.core.arrays import digest
 from semrl.core.errors import SemrlError, UsageError
 
@@ -116,6 +118,39 @@ def test_images_are_shown_as_channels_and_need_facts_for_a_plan():
         SemanticEnv(make_env("semrl/Catch-v0"), preset("semrl", "baseline"))
     with pytest.raises(UsageError, match="reset before step"):
         new_env().step(0)
+
+
+class Unpaid(gym.Wrapper):
+    """Brings no number at its third decision."""
+
+    decisions = 0
+
+    def step(self, action):
+        self.decisions += 1
+        shown, reward, *rest = super().step(action)
+        return shown, np.nan if self.decisions == 83 else reward, *rest
+
+
+def test_a_reward_that_is_no_number_is_refused_before_anything_is_learned_from_it():
+    env = SemanticEnv(Unpaid(make_env("semrl/Catch-v0")), preset("semrl", "objects-map", QUICK))
+    env.env.decisions = 80
+    env.reset(seed=0)
+    for _ in range(2):
+        env.step(0)
+    with pytest.raises(UsageError, match="gave the reward nan for decision 2"):
+        env.step(0)
+    assert env.step(1)[1] == 0
+
+
+def test_a_world_model_of_things_needs_things():
+    lifted = {"planning": {**QUICK["planning"], "world_model": "lifted"}}
+    with pytest.raises(UsageError, match="needs things that are followed"):
+        SemanticEnv(make_env("PongNoFrameskip-v4"), preset("semrl", "ram-map", {**QUICK, **lifted}))
+
+
+def test_facts_without_names_are_numbered():
+    space = StateSpace(shape=(2,), n_facts=2)
+    assert space.fact_names == ("number 0", "number 1") and replace(space, names=("x",)).fact_names == ("x",)
 
 
 def test_gymnasium_finds_nothing_wrong():

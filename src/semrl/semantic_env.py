@@ -13,13 +13,15 @@ from semrl.core.errors import SemrlError, UsageError
 from semrl.core.files import read_arrays, write_arrays
 from semrl.envs import Game, action_meanings, observation_of, rom_name
 from semrl.envs.actions import Env
+from semrl.envs.game import checked_reward
 from semrl.envs.lives import SIGNAL
 from semrl.perception.encoders import ENCODERS
-from semrl.planning.module import PlanningModule, PlanRecord
+from semrl.planning.module import PlanRecord
 from semrl.training import RunConfig, preset
 from semrl.training.config import from_dict, to_dict
 from semrl.training.crowd import needed_slots, with_room
 from semrl.training.loop import EpisodeView, Step
+from semrl.training.parts import make_planning
 from semrl.training.stored_play import learn_to_see
 from semrl.world_model.protocol import RuleBased
 from semrl.world_model.rules import Rule
@@ -64,7 +66,7 @@ class SemanticEnv(gym.Wrapper[Shown, Any, Frame, Any], gym.utils.RecordConstruct
     Raises
     ------
     UsageError
-        When the configuration has no planner, or its encoder nothing to plan with.
+        When the encoder of the configuration shows nothing to plan with.
 
     Examples
     --------
@@ -100,13 +102,8 @@ class SemanticEnv(gym.Wrapper[Shown, Any, Frame, Any], gym.utils.RecordConstruct
         gym.Wrapper.__init__(self, env)
         self.config, self.plan, self.learn = config, plan, learn
         self.encoder = ENCODERS.load(config.encoder_name)(config.perception, rom=rom_name(env), planning=True)
-        space = self.encoder.space
-        if not space.n_facts:
-            raise UsageError(f"a planner needs facts to reason about, and the encoder '{config.encoder_name}' has none")
         n_actions = int(env.action_space.n)  # type: ignore[attr-defined]
-        self.planning = PlanningModule(
-            config.planning, space.n_facts, n_actions, seed=config.seed, axes=space.axes, seen=space.seen
-        )
+        self.planning = make_planning(config, self.encoder.space, n_actions, seed=config.seed)
         self.action_names = tuple(action_meanings(env))
         self.pretraining_decisions = 0
         self.record: PlanRecord | None = None
@@ -132,15 +129,22 @@ class SemanticEnv(gym.Wrapper[Shown, Any, Frame, Any], gym.utils.RecordConstruct
         return self._show(self._view.begin(observation_of(self.env, frame))), info
 
     def step(self, action: Any) -> tuple[Shown, float, bool, bool, dict[str, Any]]:
-        """Take a decision, show what it led to, and learn from the episode when it is over."""
+        """Take a decision, show what it led to, and learn from the episode when it is over.
+
+        Raises
+        ------
+        UsageError
+            Before `reset`, and when the environment gives a reward that is no finite number.
+        """
         if self._view is None or self._step is None:
             raise UsageError("call reset before step")
         frame: Any
         frame, reward, terminated, truncated, info = self.env.step(action)
+        brought = checked_reward(reward, f"decision {self._step.number}")
         outcome = Outcome(
             observation=observation_of(self.env, frame),
-            reward=float(reward),
-            training_reward=float(info.get(SIGNAL, reward)),
+            reward=brought,
+            training_reward=float(info.get(SIGNAL, brought)),
             terminated=terminated,
             truncated=truncated,
         )
@@ -148,7 +152,7 @@ class SemanticEnv(gym.Wrapper[Shown, Any, Frame, Any], gym.utils.RecordConstruct
         shown = self._show(step)
         if step.done:
             self._finish(step)
-        return shown, float(reward), terminated, truncated, info
+        return shown, brought, terminated, truncated, info
 
     def rules(self, most: int = 8) -> list[Rule]:
         """Return what was learned in rules: about concepts where things are followed, else of the world model's trees.
@@ -160,7 +164,7 @@ class SemanticEnv(gym.Wrapper[Shown, Any, Frame, Any], gym.utils.RecordConstruct
         world = self.planning.world_model
         if not (isinstance(world, RuleBased) and world.is_fitted):
             return []
-        return world.rules(self.feature_names, self.action_names, most=most, unit=self.encoder.space.unit)
+        return world.rules(self.encoder.space.fact_names, self.action_names, most=most, unit=self.encoder.space.unit)
 
     def save(self, path: str | Path) -> None:
         """Write all that was learned, and the configuration, into one file, ``.npz``."""

@@ -46,6 +46,11 @@ class StateSpace:
     has_things: bool = False
     """Whether states list things that are followed."""
 
+    @property
+    def fact_names(self) -> tuple[str, ...]:
+        """What facts are called, by their number where they have no names."""
+        return self.names or tuple(f"number {i}" for i in range(self.n_facts))
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AgentObservation:

@@ -63,32 +63,14 @@ class Game:
         """
         self._actions.append(action)
         self._frame, given, terminated, truncated, info = self.env.step(action)
-        reward = self._checked(given)
+        when = f"decision {len(self._actions) - 1} of the episode of seed {self._episode_seed}"
+        reward = checked_reward(given, when)
         return Outcome(
             observation=self._observation(),
             reward=reward,
             training_reward=info.get(SIGNAL, reward),
             terminated=terminated,
             truncated=truncated,
-        )
-
-    def _checked(self, reward: Any) -> float:
-        """Return a reward that can be learned from.
-
-        Raises
-        ------
-        UsageError
-            When it is not a number, not finite or too large: what is learned from it would be blamed instead.
-        """
-        try:
-            number = float(reward)
-        except (TypeError, ValueError):
-            number = math.nan
-        if abs(number) <= LARGEST_REWARD:
-            return number
-        raise UsageError(
-            f"the environment gave the reward {reward} for decision {len(self._actions) - 1} of the episode of seed "
-            f"{self._episode_seed}; a reward must be a number from -{LARGEST_REWARD:g} to {LARGEST_REWARD:g}"
         )
 
     @property
@@ -143,3 +125,23 @@ def observation_of(env: Env, frame: Frame) -> Observation:
     if ale is not None:
         return Observation(frame=frame, ram=ale.getRAM())
     return Observation(frame=frame, labels=newest_labels(env))
+
+
+def checked_reward(reward: Any, when: str) -> float:
+    """Return a reward that can be learned from.
+
+    Raises
+    ------
+    UsageError
+        When it is not a number, not finite or too large: what is learned from it would be blamed instead.
+    """
+    try:
+        number = float(reward)
+    except (TypeError, ValueError):
+        number = math.nan
+    if abs(number) <= LARGEST_REWARD:
+        return number
+    raise UsageError(
+        f"the environment gave the reward {reward} for {when}; "
+        f"a reward must be a number from -{LARGEST_REWARD:g} to {LARGEST_REWARD:g}"
+    )

@@ -55,7 +55,7 @@ def tree_rules_of(player: Player, *, most: int = MOST) -> list[Rule]:
     world = player.planning.world_model if player.planning else None
     if not (world and world.is_fitted and isinstance(world, RuleBased)):
         return []
-    return world.rules(_names(player), player.action_names, most=most, unit=unit_of(player))
+    return world.rules(player.encoder.space.fact_names, player.action_names, most=most, unit=unit_of(player))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -106,7 +106,7 @@ def rule_book_of(player: Player, *, most: int = MOST) -> RuleBook | None:
     world = player.planning.world_model if player.planning else None
     if not (world and world.is_fitted and isinstance(world, RulesThatFire)):
         return None
-    return world.rule_book(_names(player), player.action_names, most=most, unit=unit_of(player))
+    return world.rule_book(player.encoder.space.fact_names, player.action_names, most=most, unit=unit_of(player))
 
 
 def switch_rules(player: Player, off: Collection[str]) -> None:
@@ -126,11 +126,6 @@ def keys_of_rules(player: Player) -> dict[str, Rule]:
     """Return the rules of a player that can be switched off, by name: those of `semrl rules --trees`."""
     book = rule_book_of(player)
     return {rule.key: rule for rules in book.trees for rule in rules.by_support} if book else {}
-
-
-def _names(player: Player) -> tuple[str, ...]:
-    space = player.encoder.space
-    return space.names or tuple(f"number {i}" for i in range(space.n_facts))
 
 
 def unit_of(player: Player) -> float:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from semrl.agents import AGENTS, Agent
+from semrl.core import StateSpace
 from semrl.core.arrays import Arrays, unnest
 from semrl.core.errors import UsageError
 from semrl.envs import Game, make_env
@@ -70,18 +71,7 @@ def build_parts(config: RunConfig, world: World) -> Parts:
     perception = with_room(config.perception, world.slots) if world.slots else config.perception
     encoder = ENCODERS.load(config.encoder_name)(perception, rom=world.rom, planning=config.plans)
     space = encoder.space
-    planning = None
-    if config.plans:
-        if not space.n_facts:
-            raise UsageError(f"a planner needs facts to reason about, and the encoder '{config.encoder_name}' has none")
-        planning = PlanningModule(
-            config.planning, space.n_facts, n_actions, seed=seeds[3], axes=space.axes, seen=space.seen
-        )
-        if getattr(planning.world_model, "reads_things", False) and not space.has_things:
-            raise UsageError(
-                f"the world model '{config.planning.world_model}' needs things that are followed, which the encoder "
-                f"'{config.encoder_name}' does not; use --model objects-map"
-            )
+    planning = make_planning(config, space, n_actions, seed=seeds[3]) if config.plans else None
     agent = AGENTS.make(
         config.agent,
         config,
@@ -93,6 +83,25 @@ def build_parts(config: RunConfig, world: World) -> Parts:
         device=config.device,
     )
     return Parts(encoder=encoder, agent=agent, planning=planning)
+
+
+def make_planning(config: RunConfig, space: StateSpace, n_actions: int, *, seed: int) -> PlanningModule:
+    """Make the planning module for what an encoder shows.
+
+    Raises
+    ------
+    UsageError
+        When that holds no facts, or no things where the world model needs them.
+    """
+    if not space.n_facts:
+        raise UsageError(f"a planner needs facts to reason about, and the encoder '{config.encoder_name}' has none")
+    planning = PlanningModule(config.planning, space.n_facts, n_actions, seed=seed, axes=space.axes, seen=space.seen)
+    if getattr(planning.world_model, "reads_things", False) and not space.has_things:
+        raise UsageError(
+            f"the world model '{config.planning.world_model}' needs things that are followed, which the encoder "
+            f"'{config.encoder_name}' does not; use --model objects-map"
+        )
+    return planning
 
 
 def _seeds(config: RunConfig) -> list[int]:
