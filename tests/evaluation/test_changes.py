@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from semrl.core.arrays import digest
 from semrl.core.errors import UsageError
 from semrl.evaluation.changes import RECOGNISING, REFLECTIONS, REWARD, Change, adapted, find_changes, turned
 from semrl.evaluation.player import load_player
@@ -53,6 +54,15 @@ def test_only_what_has_changed_is_learned_anew(catch_run, memory):
         after = world.forests._grown[1].tree(target)
         same = all(np.array_equal(*pair) for pair in zip(before[target], after, strict=True))
         assert same is (target not in {0, reward})
+
+
+def test_of_what_never_varied_there_is_nothing_to_learn_anew(catch_run):
+    player = load_player(catch_run)
+    world = player.planning.world_model
+    steady = sorted(set(range(len(world.features.axes))) - set(world.features.varying_.tolist()))
+    before = digest(world.inference_arrays())
+    world.learn_anew([], steady[:1], reward=False)
+    assert steady and digest(world.inference_arrays()) == before
 
 
 def test_a_drop_must_be_large_and_no_chance():

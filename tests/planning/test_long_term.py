@@ -186,3 +186,11 @@ def test_of_equally_cheap_edges_the_most_travelled_is_followed():
     graph = a_graph(2, [(0, 1, -1.0), (0, 1, 0.0), (0, 1, 0.0), (1, 0, 1.0), (1, 1, 1.0), (1, 1, 0.0)])
     graph = replace(graph, edge_counts=np.array([9, 2, 3, 1, 2, 7]))
     assert edges_along(graph, np.array([0, 1]), CONFIG).tolist() == [2, 4]
+
+
+def test_a_way_that_ends_where_no_reward_begins_has_the_edges_between_its_nodes():
+    graph = a_graph(3, [(2, 0, 0.0), (0, 1, 0.0), (1, 2, 0.0)])
+    goals = np.array([False, False, True])
+    path = plan_routes(graph, CONFIG, goals=goals).path(0)
+    assert path.tolist() == [0, 1, 2] and edges_along(graph, path, CONFIG).tolist() == [1, 2]
+    assert not len(edges_along(graph, path[2:], CONFIG))

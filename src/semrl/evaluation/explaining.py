@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from semrl.evaluation.scores import EVALUATION_SEED
 from semrl.evaluation.shield import load_shielded
 from semrl.evaluation.sight import look
 from semrl.planning import edge_costs, edges_along, reason
+from semrl.planning.goal_planner import GoalPlanner
 from semrl.planning.module import PlanningModule
 from semrl.training.loop import Step
 from semrl.training.session import limited_threads
@@ -191,7 +192,8 @@ class _Explained:
         assert step.shown and step.record and step.record.plan, "where predictions can be made there are plans"
         self.player, self.planning, self.shown = player, planning, step.shown
         self.history, self.plan = step.record.history, step.record.plan
-        self.graph, self.routes = planning.state_map.graph_, planning.routes
+        self.graph, planner = planning.state_map.graph_, planning.planner
+        self.routes = planner.towards(planning.knowledge) if isinstance(planner, GoalPlanner) else planning.routes
         self.action_names = player.action_names
         self.unit = unit_of(player)
         self.n_scenarios = len(self.plan.scenarios)
@@ -209,12 +211,18 @@ class _Explained:
             states=int(self.graph.node_counts[node]),
             distance=distance if math.isfinite(distance) else None,
             is_goal=bool(self.routes.goals[node]),
+            sought=self.sought,
         )
 
+    @property
+    def sought(self) -> Literal["gain", "goal"]:
+        """Whether ways lead to gains, or to a goal that was given."""
+        return "gain" if self.routes is self.planning.routes else "goal"
+
     def path(self) -> tuple[PathEdge, ...]:
-        """Tell the way to the nearest gain, edge by edge."""
+        """Tell the way to what is sought, edge by edge."""
         config, graph = self.planning.config.long_term, self.graph
-        costs = edge_costs(graph, config)
+        costs, edges = edge_costs(graph, config), edges_along(graph, self.plan.path, config).tolist()
         return tuple(
             PathEdge(
                 source=int(graph.node_ids[graph.sources[i]]),
@@ -226,7 +234,7 @@ class _Explained:
                 reward=float(graph.rewards[i]),
                 cost=float(costs[i]),
             )
-            for i in edges_along(graph, self.plan.path, config).tolist()
+            for i in (edges if self.sought == "gain" else edges[: len(self.plan.path) - 1])
         )
 
     def scenarios(self) -> tuple[ImaginedScenario, ...]:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Literal
 
 from semrl.core import Frame, Sight
 
@@ -17,9 +17,11 @@ class MapLocation:
     states: int
     """How many states of play it stands for."""
     distance: float | None
-    """Cost of the way to the nearest gain; None where none is known within the cut-off."""
+    """Cost of the way to what is sought; None where none is known within the cut-off."""
     is_goal: bool
-    """Whether a gain starts right here."""
+    """Whether that is right here."""
+    sought: Literal["gain", "goal"] = "gain"
+    """Whether ways lead to where the nearest gain begins, or to where a goal that was given is met."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -128,7 +130,7 @@ class Explanation:
     place: MapLocation
     path: tuple[PathEdge, ...]
     cutoff: float
-    """Where on the map, the way to the nearest gain with the rewarding edge last, and the highest cost of one."""
+    """Where on the map, the way to what is sought (to a gain with the rewarding edge last), and the highest cost."""
     scenarios: tuple[ImaginedScenario, ...]
     n_scenarios: int
     n_imagined: int

@@ -74,7 +74,7 @@ class GoalWatch:
         self._classifier = Classifier(words.words, questions)
         self._names = tuple(questions)
         self._distances = [Distance(expression, words.words) for expression in goal.expressions]
-        self._nodes: dict[object, NDArray[np.bool_]] = {}
+        self._nodes: dict[object, tuple[MapGraph, NDArray[np.bool_]]] = {}
 
     def begin(self) -> None:
         """Begin a trial."""
@@ -110,13 +110,13 @@ class GoalWatch:
         wanted = tuple(place for asked in self.progress.wanted() for place, sought in asked if sought)
         if not wanted:
             return None
-        key = wanted, len(graph)
-        if key not in self._nodes:
+        known = self._nodes.get(wanted)
+        if known is None or known[0] is not graph:
             dimension = self.planning.dimension
             states, previous = node_states(graph, self.planning.config.velocity_weight, dimension)
             truths = self._truths(states, previous)
-            self._nodes[key] = np.asarray(truths[:, list(wanted)].all(axis=1))
-        return self._nodes[key]
+            self._nodes[wanted] = known = graph, np.asarray(truths[:, list(wanted)].all(axis=1))
+        return known[1]
 
     def _truths(self, states: Floats, previous: Floats) -> NDArray[np.bool_]:
         return self._classifier.of_scenes(self.words.reader.read(states, previous), self._names)

@@ -58,7 +58,7 @@ class GoalPlanner:
         self.planner = planner
         self.judge = judge
         self.costs = costs
-        self._routes: tuple[bytes, Routes] | None = None
+        self._routes: tuple[MapGraph, bytes, Routes] | None = None  # of which map, to which of its nodes
 
     @property
     def depth(self) -> int:
@@ -78,12 +78,12 @@ class GoalPlanner:
         return reordered(plan, order)
 
     def towards(self, knowledge: Knowledge) -> Routes:
-        """Return the ways to nodes that meet the goal, planned anew when other ones do."""
+        """Return the ways to nodes that meet the goal, planned anew when other ones do or the map has changed."""
         graph = knowledge.state_map.graph_
         goals = self.judge.nodes(graph) if len(graph) else None
         if goals is None:
             return knowledge.routes
-        known = goals.tobytes()
-        if self._routes is None or self._routes[0] != known:
-            self._routes = known, plan_routes(graph, self.costs, goals=goals)
-        return self._routes[1]
+        places = goals.tobytes()
+        if self._routes is None or self._routes[0] is not graph or self._routes[1] != places:
+            self._routes = graph, places, plan_routes(graph, self.costs, goals=goals)
+        return self._routes[2]

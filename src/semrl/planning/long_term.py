@@ -101,25 +101,25 @@ def edge_costs(graph: MapGraph, config: LongTermConfig) -> NDArray[np.float64]:
 
 
 def edges_along(graph: MapGraph, path: Ints, config: LongTermConfig) -> Ints:
-    """Find the edges that a path of `Routes` follows, and the rewarding edge at its end.
+    """Find the edges that a path of `Routes` follows, and the rewarding edge at its end, where one begins there.
 
     Parameters
     ----------
     graph, config
         The map and the costs that the routes were planned with.
     path
-        ``(k,)`` positions of nodes, the last of them a goal; it may be empty.
+        ``(k,)`` positions of nodes; it may be empty.
 
     Returns
     -------
     ndarray
-        ``(k,)`` int64 positions of edges. Of parallel edges the cheapest is followed, of equally cheap ones the one
-        that stands for the most transitions.
+        ``(k,)`` int64 positions of edges, or ``(k - 1,)`` where no reward is to be had at its end. Of parallel edges
+        the cheapest is followed, of equally cheap ones the one that stands for the most transitions.
     """
     order = np.lexsort((-graph.edge_counts, edge_costs(graph, config)))
     sources, targets, gains = graph.sources[order], graph.targets[order], graph.reward_signs[order] > 0
     followed = [(sources == a) & (targets == b) for a, b in pairwise(path.tolist())]
-    followed += [(sources == goal) & gains for goal in path[-1:].tolist()]
+    followed += [gaining for end in path[-1:].tolist() if (gaining := (sources == end) & gains).any()]
     return np.array([order[fits.argmax()] for fits in followed], np.int64)
 
 

@@ -104,15 +104,17 @@ def otherwise(e: Explanation) -> str:
 
 
 def place(e: Explanation) -> str:
-    """Say where on the map the state lies, and how far a gain is."""
+    """Say where on the map the state lies, and how far what is sought is."""
     here = f"Node {e.place.node}, which stands for {plural(e.place.states, 'state')} of play."
+    gain = e.place.sought == "gain"
     if e.place.is_goal:
-        return f"{here} A gain is known to start right here."
+        return f"{here} {'A gain is known to start right here' if gain else 'The goal is met here'}."
     if e.place.distance is None:
         dear = f" that costs {number(e.cutoff)} or less" if math.isfinite(e.cutoff) else ""
-        return f"{here} No way to a gain is known{dear}."
-    hops = plural(len(e.path) - 1, "step")
-    return f"{here} The nearest known gain starts {hops} away, at a cost of {number(e.place.distance)}."
+        return f"{here} No way to {'a gain' if gain else 'the goal'} is known{dear}."
+    hops = plural(len(e.path) - gain, "step")
+    nearest = "The nearest known gain starts" if gain else "The nearest known place where the goal is met lies"
+    return f"{here} {nearest} {hops} away, at a cost of {number(e.place.distance)}."
 
 
 def shortened(path: Sequence[PathEdge]) -> tuple[Sequence[PathEdge], int, Sequence[PathEdge]]:
@@ -127,8 +129,9 @@ def way(e: Explanation) -> str:
     """Write a path that is not empty as a line: nodes, and the actions that lead from one to the next."""
     first, omitted, last = shortened(e.path)
     between = f"… {plural(omitted, 'step')} … " if omitted else ""
-    gain = e.path[-1]
-    return f"{_links(first)}{between}{_links(last)}{gain.target} ({signed(gain.reward)})"
+    end = e.path[-1]
+    gain = f" ({signed(end.reward)})" if e.place.sought == "gain" else ""
+    return f"{_links(first)}{between}{_links(last)}{end.target}{gain}"
 
 
 def _links(hops: Iterable[PathEdge]) -> str:
@@ -144,7 +147,8 @@ def ending(e: Explanation, scenario: ImaginedScenario) -> str:
     """Say where a scenario ends."""
     if not e.path:
         return f"node {scenario.end_node}"
-    where = "off the path" if scenario.progress is None else f"{scenario.progress + 1} of {len(e.path)} on the path"
+    nodes = len(e.path) + (e.place.sought == "goal")  # a gain is one edge more
+    where = "off the path" if scenario.progress is None else f"{scenario.progress + 1} of {nodes} on the path"
     return f"node {scenario.end_node}, {where}"
 
 

@@ -145,14 +145,16 @@ class TreeWorld(GrownEnsemble[Experience]):
         """Grow the trees of some numbers of a state, and of the reward, anew; a tenth of what they see is this play.
 
         The rest is drawn from what is remembered, where that was loaded. All other trees stay as they are; so does what
-        is remembered, from which the next forest is grown again.
+        is remembered, from which the next forest is grown again. Of numbers that never varied there are no trees.
         """
         features = self.features
+        changed = [target for target, number in enumerate(features.varying_.tolist()) if number in numbers]
+        changed += [len(features.varying_)] if reward else []
+        if not changed:
+            return
         new = Experience(sum(len(episode.states) for episode in play), len(features.axes))
         for episode in play:
             new.add(episode)
-        changed = [target for target, number in enumerate(features.varying_.tolist()) if number in numbers]
-        changed += [len(features.varying_)] if reward else []
         rng = np.random.default_rng([self.seed, self.seen_, len(new)])
         rows, targets, _ = features.training_set(new, rng, settled=True)
         if len(self.experience):

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from semrl.core import Ints
+from semrl.core.errors import UsageError
 from semrl.planning.symbolic.appearances import Appearances, Shape
 from semrl.planning.symbolic.movers import changes, join, own_kinds, root
 
@@ -18,6 +19,7 @@ UNKNOWN = -2
 """The concept of an appearance that was never met while learning."""
 
 _FEWEST_SWITCHES = 3
+_MOST_CONCEPTS = 128  # a cell is a signed byte
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -121,7 +123,7 @@ def learn_concepts(episodes: Sequence[GridEpisode], looks: Appearances) -> CellC
     Raises
     ------
     UsageError
-        When nothing moves.
+        When nothing moves, or there are more concepts than cells can name.
     """
     plays = [episode.grids for episode in episodes]
     seen, single = _counted(plays)
@@ -134,6 +136,10 @@ def learn_concepts(episodes: Sequence[GridEpisode], looks: Appearances) -> CellC
         switches.update((a, b) for a, b in changed if a not in own and b not in own)
     group = _joined(seen.keys() - own.keys(), switches, single, looks)
     concepts = {kind: place for place, kind in enumerate(sorted(set(group.values())))}
+    if len(concepts) > _MOST_CONCEPTS:
+        raise UsageError(
+            f"{len(concepts)} concepts of cells were found, of which there may be {_MOST_CONCEPTS} at most"
+        )
     concept_of = {kind: concepts[first] for kind, first in group.items()}
     floors = Counter(concept_of[kind] for kind in revealed.elements() if kind in concept_of)
     floor = floors.most_common(1)[0][0] if floors else UNKNOWN

@@ -56,10 +56,6 @@ class Operator:
     against: int
     """Decisions in which the conditions held and something else came."""
 
-    def applies(self, state: GridState, present: frozenset[int]) -> bool:
-        """Tell whether the conditions hold, given the concepts that there are."""
-        return state.kind == self.kind and all(answer(state, present, ask) == value for ask, value in self.when)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Operators:
