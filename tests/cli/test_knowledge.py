@@ -87,8 +87,12 @@ def test_a_learned_class_that_is_gone_may_have_been_switched_off(run, call):
     assert "no defined class" in call("knowledge", run, "disable", "Gone").message
 
 
-def test_a_damaged_log_is_told(run, call):
-    (run / "knowledge.jsonl").write_text('{"do": "add"\n')
+@pytest.mark.parametrize(
+    "line",
+    [b'{"do": "add"', b'{"do": "add", "name": 5}', b'{"do": "add", "name": "\xff"}', b'{"do": "add", "of": 1}', b"7"],
+)
+def test_a_damaged_log_is_told(run, call, line):
+    (run / "knowledge.jsonl").write_bytes(line + b"\n")
     told = call("knowledge", run)
     assert told.status == 1 and "damaged in line 1" in told.message
 

@@ -189,3 +189,17 @@ def test_slow_play_shows_what_was_between_decisions(client, driver):
         live.send_json({"do": "pause"})
         until(live, lambda m: not m["playing"])
     assert "between" in kinds and kinds.count("moment") == 6
+
+
+def test_work_that_fails_unforeseen_fails_for_who_waits_and_nobody_else(driver):
+    def fill_the_disk():
+        raise OSError("no space left on device")
+
+    waiting = driver.do(lambda: time.sleep(0.2))
+    given_up = driver.do(lambda: 1)
+    assert given_up.cancel()
+    driver.start()
+    with pytest.raises(OSError, match="no space left"):
+        driver.do(fill_the_disk).result(timeout=30)
+    assert driver.do(lambda: 2).result(timeout=30) == 2 and waiting.done()
+    driver.stop()

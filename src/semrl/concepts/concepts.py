@@ -36,7 +36,8 @@ class ConceptsConfig:
     least_switches: int = 4
     """Fewest switches between two kinds that count."""
     together_share: float = 0.2
-    """Share of the rarer one's sightings at which both are seen from which on two kinds are not one concept."""
+    """Pairs of both that are seen at once, as a share of the rarer one's sightings, from which on two kinds are not one
+    concept."""
     least_seen: int = 20
     """Fewest sightings of a concept."""
     rare_share: float = 0.002

@@ -36,7 +36,7 @@ class Counts(NamedTuple):
     ends: Ints
     """``(l,)`` int64: how often a thing came or went, and there was one more, or one fewer, of its label."""
     together: Ints
-    """``(l, l)`` int64: decisions at which things of both were seen."""
+    """``(l, l)`` int64: pairs of things of both that were seen at one decision."""
     measures: NDArray[np.int32]
     """``(l, 6, 841)`` int32: things of each left, top, right, bottom, width and height, in tenths of a pixel."""
     touches: NDArray[np.int64]

@@ -3,7 +3,7 @@
 import ast
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Literal
 
@@ -60,16 +60,25 @@ def read_log(run: Path) -> list[Edit]:
         When the log is damaged; the message names the line.
     """
     try:
-        lines = (run / LOG).read_text(encoding="utf-8").splitlines()
+        lines = (run / LOG).read_bytes().splitlines()
     except FileNotFoundError:
         return []
     edits = []
     for number, line in enumerate(lines, 1):
         try:
-            edits.append(Edit(**json.loads(line)))
+            edits.append(_read(line))
         except (ValueError, TypeError):
             raise SemrlError(f"{run / LOG} is damaged in line {number}; remove that line to go on without it") from None
     return edits
+
+
+def _read(line: bytes) -> Edit:
+    """Read a line of the log; a ValueError or TypeError if it is none."""
+    edit = Edit(**json.loads(line.decode()))
+    for field in fields(Edit):
+        if not isinstance(getattr(edit, field.name), bool if field.name == "forbidden" else str):
+            raise TypeError(f"{field.name} is of another type")
+    return edit
 
 
 def write_log(run: Path, edits: Sequence[Edit]) -> None:

@@ -121,10 +121,6 @@ class Ontology:
         more.ordered()
         return more
 
-    def without(self, *names: str) -> Self:
-        """Return the same words without some definitions."""
-        return replace(self, definitions={name: one for name, one in self.definitions.items() if name not in names})
-
     def check(self, expression: Expression) -> None:
         """Check that all words of an expression are known.
 

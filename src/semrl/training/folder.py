@@ -162,7 +162,8 @@ class RunFolder:
 
     def milestones(self) -> dict[int, Path]:
         """Return what is kept of the way, by decisions."""
-        return {int(path.stem): path for path in sorted((self.path / "milestones").glob("*.npz"))}
+        kept = sorted((self.path / "milestones").glob("*.npz"))
+        return {int(path.stem): path for path in kept if path.stem.isdecimal()}
 
     def save_milestone(self, checkpoint: Checkpoint) -> None:
         """Keep what is needed to play, for good."""
@@ -196,7 +197,8 @@ class RunFolder:
             raise
         except SemrlError as error:
             before = f"to go on from {paths[-2].name}" if len(paths) > 1 else "to start again"
-            raise SemrlError(f"{error}; delete this file {before}") from None
+            advice = f"delete this file {before}" if at is None else "ask for another milestone"
+            raise SemrlError(f"{error}; {advice}") from None
         return Checkpoint(
             arrays=arrays,
             metrics_rows=meta["metrics_rows"],

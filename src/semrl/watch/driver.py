@@ -198,10 +198,11 @@ class Driver:
             return False
         work, done = order
         self.trouble = None
-        try:
-            done.set_result(work())
-        except SemrlError as error:
-            done.set_exception(error)
+        if done.set_running_or_notify_cancel():
+            try:
+                done.set_result(work())
+            except Exception as error:
+                done.set_exception(error)
         return True
 
     def _play(self, on: bool) -> None:

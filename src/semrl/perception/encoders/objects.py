@@ -38,7 +38,7 @@ class ObjectsEncoder(ThroughPerception):
 
     def begin(self) -> "TrackedEpisode":
         """Begin an episode."""
-        return TrackedEpisode(self.perception, _as_state)
+        return TrackedEpisode(self.perception)
 
 
 def _as_state(facts: Floats, things: Floats) -> State:
@@ -53,10 +53,11 @@ class TrackedEpisode:
     perception
         Sees and follows.
     write
-        Makes a state of the list of tracked objects, ``(k,)`` float32, and all things, ``(n, 9)`` float32.
+        Makes a state of the list of tracked objects, ``(k,)`` float32, and all things, ``(n, 9)`` float32; by default
+        one that shows the list.
     """
 
-    def __init__(self, perception: Perception, write: Callable[[Floats, Floats], State]) -> None:
+    def __init__(self, perception: Perception, write: Callable[[Floats, Floats], State] = _as_state) -> None:
         self._perception = perception
         self._write = write
         self._ground = perception.ground

@@ -62,7 +62,7 @@ class _TrackedScenes:
 
     def begin(self) -> None:
         """Forget the tracks of the episode before."""
-        self._episode = TrackedEpisode(self._perception, _as_state)
+        self._episode = TrackedEpisode(self._perception)
 
     def scene(self, observation: Observation) -> SceneGraph:
         """Write the next observation."""
@@ -75,7 +75,3 @@ class _TrackedScenes:
     def from_arrays(self, arrays: Arrays) -> None:
         """Go on with the tracks that were saved."""
         self._episode.from_arrays(arrays)
-
-
-def _as_state(facts: Floats, things: Floats) -> State:
-    return State(vector=facts, things=things)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from semrl.concepts import Concepts, SceneBuilder
-from semrl.concepts.scenes import CONCEPT, IDENTITY, PLACE, VX, VY, X, Y
+from semrl.concepts.scenes import CONCEPT, IDENTITY, PLACE, X, Y
 from semrl.core import NO_ACTION, Floats, Ints, Trajectory
 from semrl.core.arrays import Arrays
 from semrl.core.kernels import compiled
@@ -152,7 +152,3 @@ def _who_follows(objects: Floats, i: int, when: tuple[Ints, Ints], t: int, targe
             if objects[j, PLACE] == objects[i, PLACE] and objects[j, CONCEPT] >= 0:
                 target[ENTRY], target[ENTRY + 1], target[ENTRY + 2] = objects[j, X], objects[j, Y], later
                 return
-
-
-VELOCITIES = VX, VY
-"""Columns of what the first two targets are the next value of."""
