@@ -12,6 +12,8 @@ from semrl.core import Trajectory
 from semrl.core.errors import UsageError
 from semrl.core.things import OWN
 from semrl.world_model import ConceptRules
+from semrl.world_model.lifted.decision_lists import rewards_told
+from semrl.world_model.lifted.events import LATE
 from semrl.world_model.rules import sentence
 
 
@@ -42,6 +44,14 @@ def test_the_first_dozen_rules_tell_the_laws(rallies):
     assert up.right > 0.8 * up.decisions and down.right > 0.8 * down.decisions
     rare = first("vy := −vy otherwise")
     assert rare.right < 0.1 * rare.decisions
+
+
+def test_what_holds_for_long_before_a_reward_does_not_tell_it_twice():
+    """The ball is at the edge as a point is lost; the enemy was at the bottom for two decisions, and now and then."""
+    came = np.array([-LATE, -1, 0, 0, -LATE, -1, 0, np.nan], np.float32)
+    ball, enemy = np.array([[0, -1, 0, 0, 0, -1, 0, -1], [-1, -1, -1, 0, -1, -1, 0, 0]], np.float32)
+    assert rewards_told(ball, came) == 2.0 > rewards_told(enemy, came) == pytest.approx(1.6)
+    assert rewards_told(np.zeros(8, np.float32), came) == 0
 
 
 def test_actions_that_explain_nothing_are_not_listed():

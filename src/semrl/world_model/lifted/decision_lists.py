@@ -5,7 +5,7 @@ fixed vocabulary are chosen one after the other, each for what those before it l
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,6 +47,8 @@ class DecisionList:
     vocabulary: Vocabulary
     codes: tuple[float, ...] = ()
     """What each of the rules but an "otherwise" says that comes, as `came` has it; none: each says 1, of every row."""
+    explained: float = 0.0
+    """Of a list about the reward: how many it tells, each once, times the share of what it says that is right."""
 
     def says(self, rows: Floats) -> Floats:
         """Return what it says that comes of ``(n, f)`` rows, ``(n,)``."""
@@ -112,11 +114,7 @@ def read_lists(rows: Floats, targets: Floats, about: About, n_actions: int) -> l
 def joined_lists(lists: Sequence[Sequence[DecisionList]]) -> list[DecisionList]:
     """Join the lists of several concepts; first, and of rewards alone, the one that explains them best."""
 
-    def explained(mine: Sequence[DecisionList]) -> float:
-        said = [rule for one in mine if one.about == REWARD for rule in one.rules if rule.conditions != _OTHERWISE]
-        return sum((rule.right or 0) ** 2 / max(rule.decisions, 1) for rule in said)
-
-    best = max(range(len(lists)), key=lambda i: explained(lists[i]), default=-1)
+    best = max(range(len(lists)), key=lambda i: sum(one.explained for one in lists[i]), default=-1)
     rewards = [one for one in lists[best] if one.about == REWARD] if best >= 0 else []
     ordered = sorted(range(len(lists)), key=lambda i: i != best)
     return rewards + [one for i in ordered for one in lists[i] if one.about != REWARD]
@@ -139,9 +137,21 @@ def _rewards(rows: Floats, targets: Floats, vocabulary: Vocabulary, literals: Li
     if not rules:
         return []
     rules += _otherwise(Event(REWARD, f"none by {name}", 0.0, came_as_reward, 0, 0), came, left)
-    return [
-        DecisionList(about=REWARD, rules=tuple(rules), came=came_as_reward, vocabulary=vocabulary, codes=tuple(codes))
-    ]
+    found = DecisionList(
+        about=REWARD, rules=tuple(rules), came=came_as_reward, vocabulary=vocabulary, codes=tuple(codes)
+    )
+    return [replace(found, explained=rewards_told(found.says(rows), came))]
+
+
+def rewards_told(said: Floats, came: Floats) -> float:
+    """Return how many rewards are told, each once, times the share of what is said that is right.
+
+    What holds for long before a reward would count twice, when it is at hand and when it comes late.
+    """
+    speaks = (said != 0) & ~np.isnan(came)
+    right = speaks & (np.sign(came) == np.sign(said))
+    told = max(int((right & (np.abs(came) == size)).sum()) for size in (1, LATE))
+    return told * int(right.sum()) / max(int(speaks.sum()), 1)
 
 
 def _list(event: Event, rows: Floats, targets: Floats, vocabulary: Vocabulary, literals: Literals) -> DecisionList:
