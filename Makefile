@@ -12,7 +12,7 @@ export OMP_NUM_THREADS ?= 1
 help:  ## say what there is
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 14
 
-install: .venv/.installed  ## make .venv with everything in it
+install: .venv/.installed  ## make .venv with what tests, checks and pages need
 
 .venv/.installed: .venv/.plays
 	$(PIP) -e '.[dev,docs,thesis,sb3,tensorboard,watch,optuna,minari]'

@@ -52,7 +52,8 @@ class EvalArguments:
     at: int | None = None
     """Play as the agent was after so many decisions: one of the run's milestones [default: as it is now]."""
     video: Path | None = None
-    """Write the first episode, with its objects marked, as an .mp4 file: 30 decisions a second, 5 minutes at most."""
+    """Write the first episode, with its objects marked, as an .mp4 or .gif file: 30 decisions a second, 5
+    minutes at most."""
     workers: int | None = None
     """Processes that play [default: as many as there are processors]; what comes out is the same."""
     json: bool = False

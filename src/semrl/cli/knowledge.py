@@ -45,7 +45,7 @@ class KnowledgeArguments:
     """What to do."""
     words: tyro.conf.Positional[tuple[str, ...]] = ()
     """add: a name and a condition or a class expression; disable, enable: the name of a class, or of a rule as `semrl
-    rules` prints it; assert: an axiom."""
+    rules --trees` prints it, without --most; assert: an axiom."""
     forbid: bool = False
     """With add: plans keep out of the class."""
     of_things: bool = False
