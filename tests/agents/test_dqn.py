@@ -382,7 +382,7 @@ def test_heads_learn_their_own_values_and_play_by_their_mean():
     [
         {"heads": 0}, {"batch_size": 0}, {"learning_rate": 0.0}, {"learning_rate": float("nan")}, {"discount": 1.5},
         {"exploration_min": 0.5, "exploration_max": 0.1}, {"replay_capacity": 3, "n_steps": 3},
-        {"replay_capacity": 2}, {"learning_starts": 1},
+        {"learning_starts": 1},
         {"tau": 0.0}, {"adam_epsilon": float("inf")}, {"reward_share": -0.1}, {"adam_beta1": 1.0},
     ],
 )  # fmt: skip

@@ -105,8 +105,8 @@ class DQNConfig:
             raise UsageError("dqn.advice_margin and dqn.advice_weight must be 0 or more")
         if self.exploration_min > self.exploration_max:
             raise UsageError("dqn.exploration_min must not exceed dqn.exploration_max")
-        if self.replay_capacity <= max(self.n_steps, 2):
-            raise UsageError(f"dqn.replay_capacity must exceed 2 and dqn.n_steps, {self.n_steps}")
+        if self.replay_capacity <= self.n_steps:
+            raise UsageError(f"dqn.replay_capacity must exceed dqn.n_steps, {self.n_steps}")
         if self.learning_starts < 2:
             raise UsageError(
                 f"dqn.learning_starts must be 2 or more, not {self.learning_starts}: one needs a next state"
