@@ -35,6 +35,9 @@ def test_a_concept_with_a_slot_of_its_own_is_called_as_facts_call_it():
     known.partial_fit([table(paddle, enemy, *balls)] * 30)
     names = dict(zip(known.table_.kinds, known.table_.names, strict=True))
     assert names == {(PADDLE,): "own", (CLIPPED,): "object0", (BALL,): f"concept{known.table_.kinds.index((BALL,))}"}
+    odd = thing(9, DIGIT, (40, 30, 42, 40), own=True)  # steered as well, but without a slot
+    known.partial_fit([table(paddle, enemy, *balls, odd)] * 30)
+    assert known.table_.names[known.table_.kinds.index((PADDLE,))] == "own" and len(set(known.table_.names)) == 4
     again = Concepts()
     again.from_arrays(known.to_arrays())
     assert again.table_.names == known.table_.names

@@ -122,7 +122,8 @@ class Concepts:
         slots = np.flatnonzero(self._in_slots == number)
         if not self.controlled_[number]:
             return f"object{slots[0]}" if len(slots) == 1 else f"concept{number}"
-        if (self.controlled_ & self._used).sum() == 1:
+        steered = np.isin(self._in_slots, np.flatnonzero(self.controlled_)).sum()
+        if (self.controlled_ & self._used).sum() == 1 or len(slots) == steered == 1:
             return "own"
         return f"own{slots[0]}" if len(slots) == 1 else f"concept{number}"
 
