@@ -129,6 +129,21 @@ def test_inference_does_what_gensim_does(learned: dict[str, Doc2VecEmbedding]) -
         assert ours @ theirs / np.linalg.norm(ours) / np.linalg.norm(theirs) > 0.9
 
 
+def test_compiled_inference_takes_the_steps_of_gensim(
+    learned: dict[str, Doc2VecEmbedding], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    embedding = learned["dbow"]
+    scenes = pong(30, seed=3)
+    compiled = [embedding.transform(scene) for scene in scenes]
+    assert embedding._tree is not None
+    assert all(learned[name]._tree is None for name in VARIANTS if name != "dbow")
+    monkeypatch.setattr(embedding, "_tree", None)
+    by_gensim = [embedding.transform(scene) for scene in scenes]
+    # Sums in another order; where one falls into the next cell of the sigmoid's table, a step differs by 0.1 % of it.
+    np.testing.assert_allclose(compiled, by_gensim, atol=1e-4)
+    assert np.abs(by_gensim).max() > 0.01
+
+
 def test_learning_again_elsewhere_gives_the_same_bits(learned: dict[str, Doc2VecEmbedding]) -> None:
     assert run_child("fit", hash_seed="1") == fingerprints(learned)
 

@@ -15,6 +15,7 @@ import numpy as np
 from semrl.core import Floats, SceneGraph
 from semrl.core.arrays import Arrays, array_to_json, json_to_array
 from semrl.core.errors import DataError, MissingExtraError, UsageError
+from semrl.perception.embedding.doc2vec_kernels import Tree, infer, tree_of
 from semrl.perception.embedding.words import WordsConfig, document
 
 
@@ -76,6 +77,7 @@ class Doc2VecEmbedding:
     def __init__(self, config: Doc2VecConfig | None = None) -> None:
         self.config = config or Doc2VecConfig()
         self.model_: Any = None  # a gensim Doc2Vec
+        self._tree: Tree | None = None  # of PV-DBOW without negative sampling, which is inferred in compiled code
         if find_spec("gensim") is None:  # now, not after 30,000 scenes have been gathered
             raise MissingExtraError("thesis", "the doc2vec embedding (gensim)")
 
@@ -129,29 +131,39 @@ class Doc2VecEmbedding:
             raise DataError(f"doc2vec needs two words that occur {self.config.min_count} times in {len(texts)} scenes")
         model.prepare_weights()
         model.train(texts, total_examples=len(texts), epochs=self.config.epochs)
-        self.model_ = model
+        self._take(model)
         return self
 
     def transform(self, graph: SceneGraph) -> Floats:
         """Infer the vector of a scene, ``(dimension,)`` float32; words that are not in the vocabulary are left out."""
-        from gensim.models import doc2vec
         from gensim.models.keyedvectors import pseudorandom_weak_vector
 
         model = self._fitted()
         words = document(graph, self.config.words)
         if not words:
             return np.zeros(self.dimension, dtype=np.float32)
-        vector = pseudorandom_weak_vector(self.dimension, seed_string=" ".join(words), hashfxn=_stable_hash)
-        vectors = vector.reshape(1, -1)  # (1, dimension), changed in place
+        vector: Floats = pseudorandom_weak_vector(self.dimension, seed_string=" ".join(words), hashfxn=_stable_hash)
+        if self._tree is None:
+            self._infer_by_gensim(words, vector)
+        else:
+            known = model.wv.key_to_index
+            numbers = np.array([known[word] for word in words if word in known], np.int64)
+            infer(numbers, self._tree, self._rates, self._chances, model.sample > 0, vector)
+        return vector
+
+    def _infer_by_gensim(self, words: list[str], vector: Floats) -> None:
+        """Learn the vector of a scene in place: by PV-DM, or with negative sampling."""
+        from gensim.models import doc2vec
+
+        model = self.model_
         train = doc2vec.train_document_dbow if model.sg else doc2vec.train_document_dm
         model.random.seed(self.config.seed)
-        for rate in np.linspace(model.alpha, model.min_alpha, self.config.epochs).tolist():
+        vectors = vector.reshape(1, -1)
+        for rate in self._rates.tolist():
             train(
                 model, words, [0], rate, learn_words=False, learn_hidden=False,
                 doctag_vectors=vectors, doctags_lockf=np.ones(1, dtype=np.float32),
             )  # fmt: skip
-        inferred: Floats = vectors[0]
-        return inferred
 
     def to_arrays(self) -> Arrays:
         """Return vocabulary, weights and document vectors; nothing if nothing was learned."""
@@ -166,7 +178,7 @@ class Doc2VecEmbedding:
     def from_arrays(self, arrays: Arrays) -> None:
         """Take over what `to_arrays` of an equally configured embedding returned."""
         if not arrays:
-            self.model_ = None
+            self.model_ = self._tree = None
             return
         if array_to_json(arrays["settings"]) != asdict(self.config):
             raise DataError("the doc2vec arrays were written under other settings than those in use")
@@ -180,7 +192,20 @@ class Doc2VecEmbedding:
             owner[key] = arrays[name].copy()
         if model.hs:
             model.create_binary_tree()  # the Huffman tree follows from order and counts of the words
+        self._take(model)
+
+    def _take(self, model: Any) -> None:
+        """Use a trained model, and prepare what all inferences have in common."""
         self.model_ = model
+        self._rates = np.linspace(model.alpha, model.min_alpha, self.config.epochs)
+        model.random.seed(self.config.seed)
+        self._chances = np.array(
+            [(model.random.randint(0, 1 << 24) << 24) + model.random.randint(0, 1 << 24) for _ in self._rates],
+            np.uint64,
+        )
+        words = model.wv.expandos
+        by_tree = model.sg and model.hs and not model.negative
+        self._tree = tree_of(model.syn1, words["point"], words["code"], words["sample_int"]) if by_tree else None
 
     def _new_model(self) -> Any:
         from gensim.models.doc2vec import Doc2Vec

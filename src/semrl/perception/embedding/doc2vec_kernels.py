@@ -1,0 +1,115 @@
+"""Inferring vectors by PV-DBOW down a Huffman tree, compiled: what gensim does, in an eighth of its time.
+
+Between its calls of a library for sums of 128 numbers gensim spends longer than in them. Random numbers, the table of
+the sigmoid and the order of steps are gensim's, so vectors differ from its own in the order of sums alone.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semrl.core import Floats, Ints
+from semrl.core.kernels import compiler
+
+_summing = compiler(fastmath={"reassoc", "contract"}, error_model="numpy")
+
+_LIMIT = np.float32(6)
+"""Inner products beyond it are as good as certain; gensim takes no step for them."""
+
+_CELLS = 1000
+"""Length of the sigmoid's table."""
+
+_CELLS_PER_UNIT = np.float32(_CELLS // 6 // 2)
+"""As gensim counts them: rounded down, so that its table is read a little to the left of where it should be."""
+
+_AGAIN, _PLUS, _MASK = np.uint64(25214903917), np.uint64(11), np.uint64((1 << 48) - 1)
+"""The generator of random numbers that is also C's ``drand48``."""
+
+
+class Tree(NamedTuple):
+    """What inferring needs of a trained model of ``v`` words, with ``k`` inner nodes on all their paths together."""
+
+    weights: Floats
+    """``(v - 1, d)`` float32, of the inner nodes."""
+    starts: Ints
+    """``(v + 1,)`` int64: where each word's path begins in what follows."""
+    nodes: Ints
+    """``(k,)`` int64, inner nodes from the root to each word."""
+    turns: NDArray[np.float32]
+    """``(k,)`` float32, 1 for left and 0 for right at each."""
+    sampling: NDArray[np.uint32]
+    """``(v,)`` uint32: a word is skipped where this is below a number drawn from all of 32 bits."""
+    sigmoid: NDArray[np.float32]
+    """``(1000,)`` float32, of −6 … 6."""
+
+
+def tree_of(weights: Floats, paths: list[Ints], codes: list[Ints], sampling: NDArray[np.uint32]) -> Tree:
+    """Lay out the paths of all words, one after the other.
+
+    Parameters
+    ----------
+    weights
+        Of the inner nodes.
+    paths, codes
+        Inner nodes on the way to each word, and 0 or 1 for each.
+    sampling
+        See `Tree`.
+    """
+    exponents = np.exp(((np.arange(_CELLS, dtype=np.float32) / np.float32(_CELLS)) * 2 - 1) * np.float64(_LIMIT))
+    powers = exponents.astype(np.float32)
+    return Tree(
+        weights=np.ascontiguousarray(weights),
+        starts=np.cumsum([0, *map(len, paths)]),
+        nodes=np.concatenate(paths).astype(np.int64),
+        turns=1 - np.concatenate(codes).astype(np.float32),
+        sampling=np.ascontiguousarray(sampling),
+        sigmoid=powers / (powers + np.float32(1)),
+    )
+
+
+@_summing
+def infer(words: Ints, tree: Tree, rates: Floats, chances: NDArray[np.uint64], sampled: bool, vector: Floats) -> None:  # noqa: PLR0917 - compiled functions take no keywords
+    """Learn the vector of one scene, ``(d,)`` float32, in place.
+
+    Parameters
+    ----------
+    words
+        ``(n,)`` int64, those of the vocabulary.
+    tree
+        See `Tree`.
+    rates, chances
+        Learning rate, and state of the random generator, at the start of each pass.
+    sampled
+        Whether frequent words are skipped at random.
+    vector
+        Where it begins.
+    """
+    step = np.empty_like(vector)
+    for epoch in range(len(rates)):
+        chance = chances[epoch]
+        for word in words:
+            if sampled:
+                drawn = np.uint32(chance >> np.uint64(16))
+                chance = (chance * _AGAIN + _PLUS) & _MASK
+                if tree.sampling[word] < drawn:
+                    continue
+            _step(word, tree, rates[epoch], step, vector)
+
+
+@_summing
+def _step(word: int, tree: Tree, rate: float, step: Floats, vector: Floats) -> None:
+    """Move a vector towards foretelling one word."""
+    step[:] = 0
+    for at in range(tree.starts[word], tree.starts[word + 1]):
+        node = tree.weights[tree.nodes[at]]
+        along = np.float32(0)
+        for i in range(len(vector)):
+            along += vector[i] * node[i]
+        if -_LIMIT < along < _LIMIT:
+            cell = int((along + _LIMIT) * _CELLS_PER_UNIT)
+            share = np.float32((tree.turns[at] - tree.sigmoid[cell]) * rate)
+            for i in range(len(vector)):
+                step[i] += share * node[i]
+    for i in range(len(vector)):
+        vector[i] += step[i]
