@@ -64,6 +64,7 @@ class ReplayBuffer:
         self._terminated = np.zeros(capacity, dtype=np.bool_)
         self._starts = np.zeros(capacity, dtype=np.bool_)
         self._count = 0  # entries ever written
+        self._rewarded: list[Ints] | None = None  # entries of gains and of losses; None when they must be looked for
 
     def __len__(self) -> int:
         return min(self._count, self.capacity)
@@ -81,6 +82,8 @@ class ReplayBuffer:
     ) -> None:
         """Store an observation, its plan and what followed; ``start`` marks the first of an episode."""
         i = self._count % self.capacity
+        if reward or self._rewards[i]:
+            self._rewarded = None
         self._observations[i] = observation
         self._plans[i] = plan
         self._actions[i] = action
@@ -157,6 +160,7 @@ class ReplayBuffer:
         for name in ("observations", "plans", "actions", "advised", "rewards", "terminated", "starts"):
             setattr(self, f"_{name}", _extended(arrays[name], self.capacity))
         self._count = int(arrays["count"])
+        self._rewarded = None
 
     def _draw(self, rng: np.random.Generator, size: int, oldest: int, newest: int) -> Ints:
         """Draw entries that have an action and a successor."""
@@ -172,9 +176,12 @@ class ReplayBuffer:
 
         Gains and losses are drawn equally often, however rare one of them is.
         """
-        rewards = self._rewards[: len(self)]
-        kinds = [np.flatnonzero(rewards > 0), np.flatnonzero(rewards < 0)]
-        kinds = [kind for kind in kinds if len(kind)]
+        if not len(ticks):
+            return
+        if self._rewarded is None:
+            rewards = self._rewards[: len(self)]
+            self._rewarded = [np.flatnonzero(rewards > 0), np.flatnonzero(rewards < 0)]
+        kinds = [kind for kind in self._rewarded if len(kind)]
         for kind, part in zip(kinds, np.array_split(ticks, len(kinds) or 1), strict=False):
             rewarded = newest - (newest - kind) % self.capacity  # entry → tick
             drawn = rng.choice(rewarded, len(part)) - rng.integers(REWARD_WINDOW, size=len(part))

@@ -38,13 +38,15 @@ class Rows:
     """
 
     varying: Floats  # (b, v)
-    columns: Ints  # (v,), which they are
+    columns: Ints | None  # (v,), which they are; None where all vary
     steady: Floats  # (k,), what the others hold; 0 in those that vary
 
     @classmethod
     def of(cls, rows: Floats) -> Self:
         """Tell which of the columns of ``(b, k)`` rows vary."""
         differs = (rows != rows[0]).any(axis=0)
+        if differs.all():
+            return cls(varying=rows, columns=None, steady=np.zeros_like(rows[0]))
         columns = np.flatnonzero(differs)
         return cls(varying=np.take(rows, columns, axis=1), columns=columns, steady=np.where(differs, 0, rows[0]))
 
@@ -53,10 +55,14 @@ class Rows:
 
     def times(self, layer: _Layer) -> tuple[Floats, Floats]:
         """Return products with a layer's weights, ``(b, u)``, and what is the same in all rows, its bias included."""
+        if self.columns is None:
+            return self.varying @ layer.weight.T, layer.bias
         return self.varying @ np.take(layer.weight, self.columns, axis=1).T, layer.bias + layer.weight @ self.steady
 
     def gradient(self, back: Floats, bias_back: Floats) -> Floats:
         """Return the gradient of the weights, ``(u, k)``, of that of the sums, ``(b, u)``, and of the bias."""
+        if self.columns is None:
+            return back.T @ self.varying
         gradient = np.outer(bias_back, self.steady)
         gradient[:, self.columns] = back.T @ self.varying
         return gradient
