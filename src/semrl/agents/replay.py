@@ -1,11 +1,13 @@
 """The replay buffer: every observation is stored once, whatever is computed from it."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from semrl.agents.replay_kernels import Drawn, Ring, gather, stack
 from semrl.core import Floats, Ints
 from semrl.core.arrays import Arrays
 from semrl.core.errors import DataError
@@ -56,6 +58,7 @@ class ReplayBuffer:
 
     def __init__(self, capacity: int, shape: tuple[int, ...], dtype: DTypeLike, plan_size: int = 0) -> None:
         self.capacity = capacity
+        self._length = math.prod(shape)
         self._observations = np.zeros((capacity, *shape), dtype=dtype)
         self._plans = np.zeros((capacity, plan_size), dtype=np.float32)
         self._actions = np.full(capacity, -1, dtype=np.int16)  # −1: the end of an episode
@@ -114,32 +117,28 @@ class ReplayBuffer:
         oldest = max(0, self._count - self.capacity)
         ticks = self._draw(rng, size, oldest, newest)
         self._draw_rewarded(rng, ticks[: round(size * reward_share)], oldest, newest)
-        steps = ticks[:, None] + np.arange(n_steps)  # (b, n)
-        entries = np.minimum(steps, newest) % self.capacity
-        # A step counts while it has an action and nothing ended before it.
-        alive = (steps < newest) & (self._actions[entries] >= 0)
-        alive[:, 1:] &= ~self._terminated[entries[:, :-1]]
-        alive = np.logical_and.accumulate(alive, axis=1)
         gammas = np.float32(discount) ** np.arange(n_steps + 1, dtype=np.float32)
-        lengths = alive.sum(axis=1)
-        ended = (self._terminated[entries] & alive).any(axis=1)
-        next_ticks = np.where(ended, ticks, ticks + lengths)  # after the end any entry will do: it counts 0
+        drawn = self._room(size, n_steps)
+        gather(self._ring, ticks, (oldest, newest), gammas, drawn)
+        shape = (size, 2, *self._observations.shape[1:])
         return Batch(
-            states=self._stack(ticks, oldest),
-            plans=self._plans[ticks % self.capacity],
-            actions=self._actions[ticks % self.capacity].astype(np.int64),
-            returns=(self._rewards[entries] * alive * gammas[:-1]).sum(axis=1, dtype=np.float32),
-            next_states=self._stack(next_ticks, oldest),
-            next_plans=self._plans[next_ticks % self.capacity],
-            discounts=np.where(ended, np.float32(0), gammas[lengths]),
-            advised=self._advised[ticks % self.capacity].astype(np.int64),
+            states=drawn.states.reshape(shape),
+            plans=drawn.plans,
+            actions=drawn.actions,
+            returns=drawn.rewards.sum(axis=1, dtype=np.float32),
+            next_states=drawn.next_states.reshape(shape),
+            next_plans=drawn.next_plans,
+            discounts=drawn.discounts,
+            advised=drawn.advised,
         )
 
     def latest(self, count: int) -> tuple[NDArray[Any], Floats]:
         """Return states, ``(≤ count, 2, *shape)``, and plans, ``(≤ count, p)``, of the newest entries, oldest first."""
         oldest = max(0, self._count - self.capacity)
         ticks = np.arange(max(oldest, self._count - count), self._count)
-        return self._stack(ticks, oldest), self._plans[ticks % self.capacity]
+        states = np.empty((len(ticks), 2, *self._observations.shape[1:]), self._observations.dtype)
+        stack(self._ring, ticks, oldest, states.reshape(2 * len(ticks), self._length))
+        return states, self._plans[ticks % self.capacity]
 
     def to_arrays(self) -> Arrays:
         """Return the filled part of the ring: views that the next `add` may change."""
@@ -188,12 +187,31 @@ class ReplayBuffer:
             fit = (drawn >= oldest) & (drawn < newest) & (self._actions[drawn % self.capacity] >= 0)
             part[fit] = drawn[fit]
 
-    def _stack(self, ticks: Ints, oldest: int) -> NDArray[Any]:
-        """Put each observation beside the one before it; beside itself at the start of an episode."""
-        entries = ticks % self.capacity
-        first = self._starts[entries] | (ticks == oldest)
-        before = np.where(first, ticks, ticks - 1) % self.capacity
-        return np.stack([self._observations[entries], self._observations[before]], axis=1)
+    @property
+    def _ring(self) -> Ring:
+        return Ring(
+            observations=self._observations.reshape(self.capacity, self._length),
+            plans=self._plans,
+            actions=self._actions,
+            advised=self._advised,
+            rewards=self._rewards,
+            terminated=self._terminated,
+            starts=self._starts,
+        )
+
+    def _room(self, size: int, n_steps: int) -> Drawn:
+        states = np.empty((2, 2 * size, self._length), self._observations.dtype)
+        plans = np.empty((2, size, self._plans.shape[1]), np.float32)
+        return Drawn(
+            states=states[0],
+            next_states=states[1],
+            plans=plans[0],
+            next_plans=plans[1],
+            actions=np.empty(size, np.int64),
+            advised=np.empty(size, np.int64),
+            rewards=np.empty((size, n_steps), np.float32),
+            discounts=np.empty(size, np.float32),
+        )
 
 
 def _extended(array: NDArray[Any], length: int) -> NDArray[Any]:

@@ -117,7 +117,7 @@ def _step(word: int, tree: Tree, rate: float, step: Floats, vector: Floats) -> N
     for at in range(tree.starts[word], tree.starts[word + 1], ABREAST):
         a, b = tree.weights[tree.nodes[at]], tree.weights[tree.nodes[at + 1]]
         c, d = tree.weights[tree.nodes[at + 2]], tree.weights[tree.nodes[at + 3]]
-        along_a, along_b, along_c, along_d = np.float32(0), np.float32(0), np.float32(0), np.float32(0)
+        along_a = along_b = along_c = along_d = np.float32(0)
         for i in range(len(vector)):
             along_a += vector[i] * a[i]
             along_b += vector[i] * b[i]
@@ -132,7 +132,7 @@ def _step(word: int, tree: Tree, rate: float, step: Floats, vector: Floats) -> N
 
 
 @_summing
-def _share(along: float, at: int, tree: Tree, rate: float) -> float:
+def _share(along: np.float32, at: int, tree: Tree, rate: float) -> np.float32:
     """Return by how much of an inner node's weights a vector moves, of their inner product and place on the path."""
     if not -_LIMIT < along < _LIMIT:
         return np.float32(0)
