@@ -97,7 +97,7 @@ def test_shuffled_classes_have_the_same_rules_in_other_places(seed):
     rules = [read_condition(text, WORDS) for text in ("ball.x > 80", "level(ball, own)", "own.y < 20", "ball.y > 60")]
     told = {DANGER: Definition(expression=Or(tuple(rules[:3]))), CHANCE: Definition(expression=rules[3])}
     words = WORDS.having(**told)
-    other = shuffled(words, (DANGER, CHANCE), seed).definitions
+    other = shuffled(words, (DANGER, CHANCE), seed=seed).definitions
     dealt = {name: set(_parts(other[name].expression)) for name in told}
     assert set.union(*dealt.values()) == set(rules) and len(dealt[DANGER]) == 3
     assert dealt[DANGER] != set(rules[:3])
@@ -108,6 +108,14 @@ def test_where_one_class_was_learned_the_other_one_gets_its_rules():
     other = shuffled(words, (DANGER, CHANCE)).definitions
     assert other[CHANCE].expression == words.definitions[DANGER].expression
     assert other[DANGER].expression == Bottom()
+
+
+def test_rules_of_a_disabled_class_are_not_dealt_out():
+    danger, chance = (Definition(expression=read_condition(text, WORDS)) for text in ("ball.x > 80", "own.y < 20"))
+    words = WORDS.having(**{DANGER: danger, CHANCE: chance})
+    other = shuffled(words, (DANGER, CHANCE), disabled=[DANGER]).definitions
+    assert other[DANGER].expression == chance.expression
+    assert other[CHANCE].expression == Bottom()
 
 
 def _parts(expression):

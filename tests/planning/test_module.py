@@ -12,6 +12,8 @@ from semrl.core.errors import DataError, UsageError
 from semrl.grounding import PlanFeaturesConfig
 from semrl.planning import LongTermConfig, plan_routes
 from semrl.planning.config import PlanningConfig
+from semrl.planning.judged import JudgedPlanner
+from semrl.planning.keeping import KeepingConfig
 from semrl.planning.module import PlanningModule
 from semrl.planning.scenario_planner import ScenarioPlannerConfig
 from semrl.planning.state_map import StateMapConfig
@@ -468,3 +470,33 @@ def test_who_explores_seeks_what_others_avoid():
     for exploring, returns in ((False, (0, -1)), (True, (1, 0))):
         plan = module.plan(history, exploring=exploring)
         assert (plan.returns[0], plan.returns[-1]) == returns
+
+
+class Asked(JudgedPlanner[None]):
+    """Plans as another planner does, and counts how often."""
+
+    def plan(self, *args, **kwargs):
+        self.times = getattr(self, "times", 0) + 1
+        return self.planner.plan(*args, **kwargs)
+
+
+@pytest.mark.parametrize("judged", [False, True])
+def test_plans_are_kept_unless_they_are_judged(judged, monkeypatch):
+    module, rng = (
+        new(dataclasses.replace(TREES, keeping=KeepingConfig(decisions=3, tolerance=0.1))),
+        np.random.default_rng(0),
+    )
+    for _ in range(8):
+        play(module, rng, int(rng.integers(CELLS - 1)))
+    asked = Asked(module.planner, None)
+    if judged:
+        module.planner = asked
+    else:
+        monkeypatch.setattr(module, "plan", lambda history, **options: asked.plan(history, module.knowledge, **options))
+    module.begin_episode()
+    cell = 2
+    for _ in range(4):
+        action = int(module.plan_step(state_of(cell)).plan.actions[0])
+        module.observe(state_of(cell), action, 0.0)
+        cell, _ = step(cell, action)
+    assert (asked.times == 4) == judged

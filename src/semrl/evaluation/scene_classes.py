@@ -60,7 +60,7 @@ def counting_classes(player: Player, run: str | Path) -> Player:
     if not names:
         raise UsageError(f"{run} knows no class {' or '.join(WORTH)} that could count: it has seen too few rewards")
     if mode == "shuffled":
-        known = replace(known, words=shuffled(known.words, tuple(WORTH)))
+        known = replace(known, words=shuffled(known.words, tuple(WORTH), disabled=known.disabled))
         names = list(WORTH)
     judge = WorthOfClasses(
         words=replace(words, words=known.words),

@@ -4,7 +4,7 @@ A small tree over atoms is grown for each: where things stand, how they move, in
 borders. Its leaves in which the reward mostly comes are written as a class expression, with support and error.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -257,13 +257,13 @@ def _bound(literal: Expression) -> float:
     return facet.bound
 
 
-def shuffled(words: Ontology, names: Sequence[str], seed: int = 0) -> Ontology:
+def shuffled(words: Ontology, names: Sequence[str], *, disabled: Collection[str] = (), seed: int = 0) -> Ontology:
     """Return words in which the rules of some classes are dealt out among these classes by chance.
 
-    Each class has as many as before; where only one has any, another one gets them all. It is what learned classes are
-    compared with.
+    Each class has as many as before; where only one has any, another one gets them all. Rules of classes that are
+    disabled are left out. It is what learned classes are compared with.
     """
-    defined = [name for name in names if name in words.definitions]
+    defined = [name for name in names if name in words.definitions and name not in disabled]
     rules = [(name, rule) for name in defined for rule in _rules(words.definitions[name].expression)]
     owners = [name for name, _ in rules]
     if len(defined) > 1:

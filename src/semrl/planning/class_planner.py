@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.core import Floats, History, Plan
+from semrl.planning.judged import JudgedPlanner
 from semrl.planning.protocol import Knowledge, Planner
 from semrl.planning.ranking import reordered
 
@@ -19,7 +20,7 @@ class SceneJudge(Protocol):
         ...
 
 
-class ClassPlanner:
+class ClassPlanner(JudgedPlanner[SceneJudge]):
     """Adds to the return of each scenario what its scenes are worth, and ranks anew.
 
     Parameters
@@ -38,16 +39,10 @@ class ClassPlanner:
     """
 
     def __init__(self, planner: Planner, judge: SceneJudge, *, discount: float) -> None:
-        self.planner = planner
-        self.judge = judge
+        super().__init__(planner, judge)
         self.discount = discount
         self.decisions = 0
         self.changed = 0
-
-    @property
-    def depth(self) -> int:
-        """How many actions a plan has."""
-        return self.planner.depth
 
     def plan(
         self, history: History, knowledge: Knowledge, *, exploring: bool = False, first: int | None = None

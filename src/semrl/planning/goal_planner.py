@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.core import Floats, History, MapGraph, Plan
+from semrl.planning.judged import JudgedPlanner
 from semrl.planning.long_term import LongTermConfig, Routes, plan_routes
 from semrl.planning.protocol import Knowledge, Planner
 from semrl.planning.ranking import reordered
@@ -38,7 +39,7 @@ class GoalJudge(Protocol):
         ...
 
 
-class GoalPlanner:
+class GoalPlanner(JudgedPlanner[GoalJudge]):
     """Chooses the scenario that reaches a goal soonest, and where none does, the one that comes closest.
 
     On the map, nodes that meet the goal are what routes lead to (§3.4.2). The order that the planner of rewards would
@@ -55,15 +56,9 @@ class GoalPlanner:
     """
 
     def __init__(self, planner: Planner, judge: GoalJudge, costs: LongTermConfig) -> None:
-        self.planner = planner
-        self.judge = judge
+        super().__init__(planner, judge)
         self.costs = costs
         self._routes: tuple[MapGraph, bytes, Routes] | None = None  # of which map, to which of its nodes
-
-    @property
-    def depth(self) -> int:
-        """How many actions a plan has."""
-        return self.planner.depth
 
     def plan(
         self, history: History, knowledge: Knowledge, *, exploring: bool = False, first: int | None = None

@@ -14,7 +14,7 @@ from semrl.core.arrays import Arrays, nest, unnest
 from semrl.grounding import GROUNDERS
 from semrl.planning.config import MEMORY_DECISIONS, PLANNERS, PlanningConfig
 from semrl.planning.extent import Extent
-from semrl.planning.goal_planner import GoalPlanner
+from semrl.planning.judged import JudgedPlanner
 from semrl.planning.keeping import PlanKeeper
 from semrl.planning.long_term import plan_routes
 from semrl.planning.protocol import Knowledge, coordinates
@@ -167,7 +167,7 @@ class PlanningModule:
         history = self._episode.history(facts, MEMORY_DECISIONS, self._proposed[1:], things)
         history = replace(history, lists=lists, learning=self._learning)
         plan = None
-        if not isinstance(self.planner, GoalPlanner):  # what is left of a plan would be measured by rewards alone
+        if not isinstance(self.planner, JudgedPlanner):
             plan = self._keeper.what_is_left(history, self._episode.last_reward, self.knowledge)
         if plan is None:
             plan = self.plan(history, exploring=exploring)

@@ -93,16 +93,9 @@ def pretrain(game: Game, schedule: PretrainingSchedule, stored: Sequence[Played]
 def warm_start(game: Game, encoder: Encoder, planning: PlanningModule, stored: Sequence[Played]) -> None:
     """Let map and world model learn from episodes that were played before perception was ready."""
     for episode in stored:
-        view = EpisodeView(encoder)
-        planning.begin_episode()
-        state = None
-        for step in play_again(game, view, episode):
-            assert step.state is not None
-            if state is not None and step.action is not None:
-                planning.observe(state.facts, step.action, step.training_reward, state.things)
-            state = step.state
-        if state is not None:
-            planning.end_episode(state.facts, state.things)
+        *_, last = play_again(game, EpisodeView(encoder, planning, plans=False), episode)
+        assert last.state is not None
+        planning.end_episode(last.state.facts, last.state.things)
 
 
 def play_again(game: Game, view: View, stored: Played) -> Iterator[Step]:
