@@ -64,7 +64,7 @@ class ThesisStack:
             threshold=birch.threshold, branching_factor=birch.branching_factor, n_clusters=birch.max_classes
         ).fit(self.pca.transform(features))
         graphs = [build_scene_graph(self.classify(crops), places, self.proximity_px) for crops, places in scenes]
-        self.doc2vec = Doc2VecEmbedding(Doc2VecConfig(documents=len(scenes))).fit(graphs).model_
+        self.embedding = Doc2VecEmbedding(Doc2VecConfig(documents=len(scenes))).fit(graphs)
 
     def detect(self, frame: Frame) -> tuple[Floats, Floats]:
         """Return the crops of the objects as rows, and their centres (§3.2.1)."""
@@ -119,7 +119,7 @@ class ThesisStack:
 
     def infer(self, words: list[str]) -> NDArray[Any]:
         """Return the vector of a document (§3.2.3)."""
-        vector: NDArray[Any] = self.doc2vec.infer_vector(words)
+        vector: NDArray[Any] = self.embedding.model_.infer_vector(words)
         return vector
 
     def elevate(self, frame: Frame) -> NDArray[Any]:

@@ -202,6 +202,7 @@ def stack_stages(stack: ThesisStack, frames: Sequence[Frame]) -> list[Stage]:
         Stage("classes, scikit-learn", stack.classify, [crops for crops, _ in objects]),
         Stage("graph and words, networkx", lambda scene: stack.describe(*scene), scenes),
         Stage("vector, gensim", stack.infer, documents),
+        Stage("the same steps, compiled", stack.embedding.infer_words, documents),
         Stage(STACK, stack.elevate, frames),
     ]
 

@@ -135,11 +135,14 @@ class Doc2VecEmbedding:
         return self
 
     def transform(self, graph: SceneGraph) -> Floats:
-        """Infer the vector of a scene, ``(dimension,)`` float32; words that are not in the vocabulary are left out."""
+        """Infer the vector of a scene, ``(dimension,)`` float32; see `infer_words`."""
+        return self.infer_words(document(graph, self.config.words))
+
+    def infer_words(self, words: list[str]) -> Floats:
+        """Infer the vector of a scene's words, ``(dimension,)`` float32; those not in the vocabulary are left out."""
         from gensim.models.keyedvectors import pseudorandom_weak_vector
 
         model = self._fitted()
-        words = document(graph, self.config.words)
         if not words:
             return np.zeros(self.dimension, dtype=np.float32)
         vector: Floats = pseudorandom_weak_vector(self.dimension, seed_string=" ".join(words), hashfxn=_stable_hash)
