@@ -10,16 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.core import Floats, Ints
-from semrl.core.kernels import compiler
-
-# Sums may be taken in any order, so that several are at once; numbers that are not finite stay what they are.
-_summing = compiler(fastmath={"reassoc", "contract"}, error_model="numpy")
+from semrl.core.kernels import summing
 
 LAYER_NORM_EPSILON = 1e-5
 """Added to the variance, as PyTorch does."""
 
 
-@_summing
+@summing
 def write_inputs(  # noqa: PLR0917 - compiled functions take no keywords
     states: Floats, plans: Floats, mean: Floats, scale: Floats, frequencies: int, rows: Floats
 ) -> None:
@@ -48,7 +45,7 @@ def write_inputs(  # noqa: PLR0917 - compiled functions take no keywords
             rows[b, 2 * size + 2 * wide + i] = plans[b, i]
 
 
-@_summing
+@summing
 def _write_waves(angles: Floats, sines: NDArray[np.float64], cosines: NDArray[np.float64]) -> None:
     """Write sine and cosine of ``(k,)`` angles: their series within an eighth of a turn, several at once."""
     for i in range(len(angles)):
@@ -67,7 +64,7 @@ def _write_waves(angles: Floats, sines: NDArray[np.float64], cosines: NDArray[np
         cosines[i] = sign_c * (cosine + odd * (sine - cosine))
 
 
-@_summing
+@summing
 def activate(  # noqa: PLR0917 - compiled functions take no keywords
     sums: Floats, bias: Floats, gain: Floats, shift: Floats, normed: bool, spread: Floats, active: Floats
 ) -> None:
@@ -98,7 +95,7 @@ def activate(  # noqa: PLR0917 - compiled functions take no keywords
                 active[b, i] = np.float32(0) if row[i] < 0 else row[i]
 
 
-@_summing
+@summing
 def pass_back(  # noqa: PLR0917 - compiled functions take no keywords
     back: Floats, active: Floats, normal: Floats, spread: Floats, gain: Floats, normed: bool,
     bias_back: Floats, gain_back: Floats, shift_back: Floats,
@@ -125,7 +122,7 @@ def pass_back(  # noqa: PLR0917 - compiled functions take no keywords
             bias_back[i] += row[i]
 
 
-@_summing
+@summing
 def loss_and_gradient(  # noqa: PLR0917 - compiled functions take no keywords
     values: Floats, chosen: Floats, following: Floats, returns: Floats, discounts: Floats,
     actions: Ints, advised: Ints, margin: float, weight: float, back: Floats,
@@ -170,7 +167,7 @@ def loss_and_gradient(  # noqa: PLR0917 - compiled functions take no keywords
     return float(loss * share + missed * per_advice)
 
 
-@_summing
+@summing
 def adam(weights: Floats, gradient: Floats, mean: Floats, square: Floats, rates: NDArray[np.float32]) -> None:
     """Take one step of Adam (Kingma and Ba 2015) in place; all are ``(k,)``.
 
@@ -184,7 +181,7 @@ def adam(weights: Floats, gradient: Floats, mean: Floats, square: Floats, rates:
         weights[i] -= step * mean[i] / (np.sqrt(square[i]) / root + epsilon)
 
 
-@_summing
+@summing
 def move_towards(old: Floats, new: Floats, share: float) -> None:
     """Move ``(k,)`` numbers a share of the way towards others, in place; a share of 1 copies them exactly."""
     left = np.float32(1 - share)

@@ -78,6 +78,7 @@ def _print_warnings() -> None:
         file: TextIO | None = None,
         line: str | None = None,
     ) -> None:
+        """Print one warning."""
         if issubclass(category, SemrlWarning):
             _say(f"semrl: warning: {' '.join(str(message).split())}")
         else:

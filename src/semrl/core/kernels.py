@@ -29,6 +29,7 @@ def compiler(**options: Any) -> Callable[[Function], Function]:
     """
 
     def compile_(function: Function) -> Function:
+        """Compile one function, elsewhere or without keeping it where it must be."""
         while True:
             try:
                 done: Function = njit(cache=not _uncached, nogil=True, **options)(function)
@@ -92,6 +93,9 @@ def _own_folder() -> Path:
 
 compiled = compiler()
 """Compile a function to machine code at its first call, and keep that for other processes."""
+
+summing = compiler(fastmath={"reassoc", "contract"}, error_model="numpy")
+"""Likewise where sums may be taken in any order, so that several are at once; what is not finite stays what it is."""
 
 vectorised = compiler(error_model="numpy")
 """The same where numbers are divided by what is never 0: without a check of each, several are divided at once."""

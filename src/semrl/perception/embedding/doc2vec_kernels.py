@@ -11,9 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semrl.core import Floats, Ints
-from semrl.core.kernels import compiler
-
-_summing = compiler(fastmath={"reassoc", "contract"}, error_model="numpy")
+from semrl.core.kernels import summing
 
 _LIMIT = np.float32(6)
 """Inner products beyond it are as good as certain; gensim takes no step for them."""
@@ -79,8 +77,10 @@ def _filled_up(parts: list[Ints], lengths: list[int], filling: int) -> Ints:
     return np.concatenate([np.pad(part, (0, length - len(part)), constant_values=filling) for part, length in pairs])
 
 
-@_summing
-def infer(words: Ints, tree: Tree, rates: Floats, chances: NDArray[np.uint64], sampled: bool, vector: Floats) -> None:  # noqa: PLR0917 - compiled functions take no keywords
+@summing
+def infer(  # noqa: PLR0917 - compiled functions take no keywords
+    words: Ints, tree: Tree, rates: Floats, chances: NDArray[np.uint64], sampled: bool, vector: Floats
+) -> None:
     """Learn the vector of one scene, ``(d,)`` float32, in place.
 
     Parameters
@@ -108,7 +108,7 @@ def infer(words: Ints, tree: Tree, rates: Floats, chances: NDArray[np.uint64], s
             _step(word, tree, rates[epoch], step, vector)
 
 
-@_summing
+@summing
 def _step(word: int, tree: Tree, rate: float, step: Floats, vector: Floats) -> None:
     """Move a vector towards foretelling one word: four inner nodes at once."""
     step[:] = 0
@@ -129,7 +129,7 @@ def _step(word: int, tree: Tree, rate: float, step: Floats, vector: Floats) -> N
         vector[i] += step[i]
 
 
-@_summing
+@summing
 def _share(along: np.float32, at: int, tree: Tree, rate: float) -> np.float32:
     """Return by how much of an inner node's weights a vector moves, of their inner product and place on the path."""
     if not -_LIMIT < along < _LIMIT:

@@ -97,6 +97,7 @@ def _turns(axis: int, fastest_px: Floats, *, mirrored: bool) -> Came:
     """Return whether things turn; what is faster than they are has taken the track of one that left."""
 
     def came(rows: Floats, targets: Floats) -> Floats:
+        """Tell of each decision whether the thing turned, soon or late."""
         before, soon, after = rows[:, axis], targets[:, axis], targets[:, LATER_VX + axis]
         steps = np.concatenate([rows[:, :2], targets[:, [0, 1, LATER_VX, LATER_VX + 1]]], axis=1)
         is_it = (np.abs(steps) <= np.tile(fastest_px, 3)).all(axis=1)
