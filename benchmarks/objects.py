@@ -3,11 +3,12 @@
 Perception is that of the preset ``semrl`` for the model ``objects``, learned from random play as in a run, and tested
 on random play that it has not seen. A true object counts where it is part of the play (no score, no clock) and moves:
 what stands in one place in more than half of the frames is scenery, which perception leaves out by design, and so is
-what is of a category that never moves: bricks and pills that are gone in more than half of the frames. What was
-found is matched one to one: its centre must lie in the true object's box, or two pixels beside it. A kind stands for
-what it mostly matched in the first half of the play; the second half is scored. Kinds that one thing has in turn are
-one concept, as it is learned from the same play; concepts are scored in the same way, and their purity is the share of
-what they matched that is of the category that each matched most.
+what is of a category that never moves: bricks and pills that are gone in more than half of the frames. What the RAM has
+and the picture does not show counts as little (its box and the pixels around look as they mostly do), nor does what it
+has twice. What was found is matched one to one: its centre must lie in the true object's box, or two pixels beside it.
+A kind stands for what it mostly matched in the first half of the play; the second half is scored. Kinds that one thing
+has in turn are one concept, as it is learned from the same play; concepts are scored in the same way, and their purity
+is the share of what they matched that is of the category that each matched most.
 
 OCAtari asks for an old NumPy but runs with ours, so it is installed beside it:
 
@@ -30,12 +31,13 @@ from ocatari.ram.extract_ram_info import detect_objects_ram, init_objects
 from rich.console import Console
 from rich.table import Table
 from scipy.optimize import linear_sum_assignment
+from scipy.stats import mode
 
 from semrl.concepts import Concepts
 from semrl.concepts.concepts import NO_CONCEPT
 from semrl.concepts.counting import LABELS_A_KIND
-from semrl.core import IMAGE_SIZE_PX, Floats, Observation, Tracks
-from semrl.core.things import ID, KIND, LEAST_MOVING_SHARE, OWN, STILL
+from semrl.core import IMAGE_SIZE_PX, Floats, Frame, Observation, Tracks
+from semrl.core.things import ID, KIND, OWN, STILL
 from semrl.perception.encoders.objects import ObjectsEncoder
 from semrl.training import RunConfig, preset
 from semrl.training.session import limited_threads
@@ -47,6 +49,9 @@ GAMES = (
 )  # fmt: skip
 LAG_PX = 2
 """The RAM may be a moment ahead of the picture."""
+
+USUAL_EVERY = 10
+"""One frame in so many is looked at for what each pixel mostly shows."""
 
 LEAST_SHIFTS = 0.002
 """Share of the sightings of a category at which a thing of one size must be gone from one place and new in another."""
@@ -103,6 +108,7 @@ def score_game(game: str, arguments: Arguments) -> dict[str, Any]:
     assert isinstance(encoder, ObjectsEncoder)
     roles = encoder.perception.slot_assigner
     truths: list[list[Truth]] = []
+    frames: list[Frame] = []
     followed: list[Found] = []
     told: list[Found] = []
     things: list[list[Floats]] = []
@@ -115,15 +121,14 @@ def score_game(game: str, arguments: Arguments) -> dict[str, Any]:
         assert observation.ram is not None
         detect_objects_ram(objects, observation.ram.astype(int), game, hud=False)
         truths.append([(each.category, *map(int, each.xywh)) for each in objects if each and each.visible])
+        frames.append(observation.frame.copy())
         shape = observation.frame.shape
-        moving = (
-            (tracks.time_since_update == 0) & (tracks.moves > 0) & (tracks.moves >= LEAST_MOVING_SHARE * tracks.ages)
-        )
+        moving = tracks.visible & ~roles.stays(tracks)
         followed.append(found(tracks, moving, roles.kinds(tracks), shape))
         labels.append(labels_of(things[-1][-1], tracks.ids[moving]))
         slotted = (tracks.time_since_update == 0) & np.isin(tracks.roles, roles.slots_)
         told.append(found(tracks, slotted, tracks.roles, shape))
-    moved = without_scenery(truths)
+    moved = without_scenery(drawn(truths, frames))
     number_of = concepts_of(things)
     named = [replace(each, kinds=number_of[label]) for each, label in zip(followed, labels, strict=True)]
     return {
@@ -142,6 +147,26 @@ def play(encoder: ObjectsEncoder, config: RunConfig) -> Iterator[tuple[Observati
         for observation in new_run(replace(config, seed=config.seed + number), None):
             episode.encode(observation)
             yield observation, episode.tracks
+
+
+def drawn(truths: list[list[Truth]], frames: list[Frame]) -> list[list[Truth]]:
+    """Leave out what the picture does not show, or the RAM has twice.
+
+    Something is shown if the box, or a pixel around it, is not what is mostly seen there.
+    """
+    some = np.array(frames[::USUAL_EVERY], np.int64) @ [1 << 16, 1 << 8, 1]
+    usual = mode(some, axis=0).mode
+    kept: list[list[Truth]] = []
+    for true, frame in zip(truths, frames, strict=True):
+        unusual = frame.astype(np.int64) @ [1 << 16, 1 << 8, 1] != usual
+        kept.append([each for each in dict.fromkeys(true) if around(each, unusual).any()])
+    return kept
+
+
+def around(true: Truth, picture: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the part of a picture in an object's box and one pixel around it."""
+    _, left, top, width, height = true
+    return picture[max(top - 1, 0) : top + height + 1, max(left - 1, 0) : left + width + 1]
 
 
 def found(tracks: Tracks, chosen: NDArray[np.bool_], kinds: NDArray[np.int64], shape: Sequence[int]) -> Found:

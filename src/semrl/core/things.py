@@ -1,6 +1,7 @@
 """Things as they were seen at one decision: plain rows, which are stored and compared quickly."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from semrl.core.named import Floats, Ints
 from semrl.core.seen import Tracks
@@ -30,23 +31,23 @@ def no_things() -> Floats:
     return np.zeros((0, COLUMNS), np.float32)
 
 
-def things_of(tracks: Tracks, kinds: Ints, slots: Floats, own: Floats) -> Floats:
+def things_of(tracks: Tracks, kinds: Ints, stays: NDArray[np.bool_], slots: Floats, own: Floats) -> Floats:
     """Write the tracks that are seen as things, ``(n, 9)`` float32, in the order of their identities.
 
     Parameters
     ----------
     tracks
         With their roles.
-    kinds
-        ``(n,)``, of each.
+    kinds, stays
+        ``(n,)``, of each, and whether it is scenery, unless it has a slot.
     slots, own
         ``(r + 1,)`` for each role, and at the end for what has none: its slot, and 1 where actions move it.
     """
     seen = np.flatnonzero(tracks.time_since_update == 0)
-    roles, ages = tracks.roles[seen], tracks.ages[seen]
+    roles = tracks.roles[seen]
     things = np.empty((len(seen), COLUMNS), np.float32)
     things[:, ID], things[:, KIND] = tracks.ids[seen], kinds[seen]
     things[:, OWN], things[:, SLOT] = own[roles], slots[roles]
-    things[:, STILL] = (tracks.moves[seen] < LEAST_MOVING_SHARE * np.maximum(ages, 1)) & (things[:, SLOT] < 0)
+    things[:, STILL] = stays[seen] & (things[:, SLOT] < 0)
     things[:, LEFT:] = tracks.edges_px[seen]
     return things

@@ -14,7 +14,8 @@ from semrl.envs.actions import Env
 from semrl.perception.config import PerceptionConfig
 from semrl.perception.encoders import ENCODERS
 from semrl.perception.encoders.objects import ObjectsEncoder
-from semrl.perception.tracking.slots import FEWEST_SLOTS, MOST_SLOTS, moving
+from semrl.perception.tracking.mobility import moving
+from semrl.perception.tracking.slots import FEWEST_SLOTS, MOST_SLOTS
 from semrl.training.config import RunConfig
 from semrl.training.loop import Frames
 from semrl.training.stored_play import learn_from_random_play, play_again

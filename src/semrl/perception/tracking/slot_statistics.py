@@ -10,15 +10,13 @@ from semrl.core.arrays import Arrays
 from semrl.core.kernels import compiled
 from semrl.core.protocols import Saved
 from semrl.core.things import LEAST_MOVING_SHARE
+from semrl.perception.tracking.mobility import STEADY_DECISIONS
 
 NEVER = 1e6
 """What it costs to give a track a role that it cannot have."""
 
 _WIDTH_PX, _WIDTH_COUNT = 20.0, 30
 """Before a role was seen much it is believed to stay within such a deviation, as if seen so many times."""
-
-STEADY_DECISIONS = 5
-"""After so many decisions it shows whether a track moves."""
 
 MOST_TOGETHER = 0.05
 """Share of the frames with the rarer of two roles, up to which the other is seen in them too if they take turns."""

@@ -14,7 +14,8 @@ from semrl.core.protocols import Saved
 from semrl.core.things import LEAST_MOVING_SHARE, MAX_SLOTS, things_of
 from semrl.perception.tracking.controllability import Controllability
 from semrl.perception.tracking.following import MOVED_PX
-from semrl.perception.tracking.slot_statistics import HABITS, NEVER, STEADY_DECISIONS, SlotStatistics, costs
+from semrl.perception.tracking.mobility import Mobility, moving
+from semrl.perception.tracking.slot_statistics import HABITS, NEVER, SlotStatistics, costs
 from semrl.perception.tracking.tints import Tints
 
 SLOT_NUMBERS = ("x", "y", "seen")
@@ -81,7 +82,7 @@ class SlotAssigner(Saved):
         ``(k,)`` int64, the role in each slot, at most ``config.slots``; empty while roles are still being learned.
     """
 
-    SAVED, PARTS = ("frames_", "slots_"), ("_statistics", "_controllability", "_tints")
+    SAVED, PARTS = ("frames_", "slots_"), ("_statistics", "_controllability", "_tints", "_mobility")
 
     def __init__(self, config: SlotAssignerConfig | None = None) -> None:
         config = config or SlotAssignerConfig()
@@ -91,6 +92,7 @@ class SlotAssigner(Saved):
         self._statistics = SlotStatistics()
         self._controllability = Controllability()
         self._tints = Tints()
+        self._mobility = Mobility()
         self._know()
 
     @property
@@ -156,6 +158,8 @@ class SlotAssigner(Saved):
             return self
         self.frames_ += 1
         self._tints.learn(tracks.classes[tracks.visible], tracks.colours[tracks.visible])
+        tints = self._tints.tints_of(tracks.colours)
+        self._mobility.learn(tracks, tints)
         roles = self.predict(tracks)
         # What stands still has no part in it, or it would spoil the habits of a role that is free for a while.
         candidates = moving(tracks)
@@ -165,12 +169,12 @@ class SlotAssigner(Saved):
                 self._statistics.found()
         shown = np.flatnonzero(candidates & (roles >= 0))
         steps = tracks.velocities_px[shown]
-        tints = self._tints.tints_of(tracks.colours)
         self._statistics.count(tracks, tints, shown, roles[shown], moved=np.hypot(*steps.T) > MOVED_PX)
         old = tracks.ages[shown] > 0
         self._controllability.learn(action, roles[shown[old]], steps[old])
         if self.is_fitted:
             self._tints.settle()
+            self._mobility.settle(self._tints.numbers_)
             self._merge()
             self.slots_ = self._give_slots()
         self._know()
@@ -234,11 +238,16 @@ class SlotAssigner(Saved):
         tracks
             With their roles.
         """
-        return things_of(tracks, self.kinds(tracks), self._slot_of, self._moved_by_actions)
+        kinds = self.kinds(tracks)
+        return things_of(tracks, kinds, self._mobility.stays(tracks, kinds), self._slot_of, self._moved_by_actions)
 
     def kinds(self, tracks: Tracks) -> Ints:
         """Return the kind of each track, ``(n,)`` int64: its class, and its colour where that says more."""
         return self._tints.kinds(tracks.classes, tracks.colours)
+
+    def stays(self, tracks: Tracks) -> NDArray[np.bool_]:
+        """Tell which tracks are scenery, ``(n,)``: such as hardly move, and are of no kind that does."""
+        return self._mobility.stays(tracks, self.kinds(tracks))
 
     def is_new(self, tracks: Tracks) -> NDArray[np.bool_]:
         """Tell which tracks look as nothing looked while roles were learned, ``(n,)``: their class in their colour."""
@@ -310,12 +319,6 @@ class SlotAssigner(Saved):
             size = [HABITS.index("width"), HABITS.index("height")]
             self._at_rest[: len(self.slots_), 2:4] = self.habits_[0][:, size]
         self._at_rest[:, :-1] /= IMAGE_SIZE_PX - 1
-
-
-def moving(tracks: Tracks) -> NDArray[np.bool_]:
-    """Tell which tracks are seen, were followed for long enough to tell, and move now and then, ``(n,)``."""
-    steady = (tracks.ages >= STEADY_DECISIONS) & (tracks.moves >= LEAST_MOVING_SHARE * tracks.ages)
-    return np.asarray(tracks.visible & steady)
 
 
 def sizes_px(tracks: Tracks) -> Floats:
