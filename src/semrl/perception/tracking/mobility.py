@@ -15,6 +15,14 @@ STEADY_DECISIONS = 5
 RESTING_DECISIONS = 50
 """For so many decisions in all a thing may stand still and pass for moving, if it is of a kind that moves."""
 
+MOBILE_SHARE = 0.5
+"""Share of its sightings about which a thing of a kind must go a step, for the kind to move."""
+
+SCENERY_SHARE = 0.25
+"""The same, below which all that is of the kind stays, whatever it was before."""
+
+_EPISODE, _ID, _DECISION, _CLASS, _TINT, _MOVES, _ROW, _COLUMN = range(8)
+
 
 def moving(tracks: Tracks) -> NDArray[np.bool_]:
     """Tell which tracks are seen, were followed for long enough to tell, and move now and then, ``(n,)``."""
@@ -26,53 +34,75 @@ class Mobility(Saved):
     """Tells what moves from scenery: by its own steps, and by those of its kind.
 
     A track alone shows nothing at first: a thing that was just seen has made no step, and things that march together
-    may stand for thirty decisions between two. Nor does it show that a thing that moved has become one that stays.
+    may stand for thirty decisions between two. Nor does it show that a thing that moved has become one that stays. A
+    kind tells the first only where it goes: a digit may look like a shot.
 
     Attributes
     ----------
     shares_ : ndarray
-        ``(k,)`` float64, share of the decisions at which a thing of each kind goes a step, NaN where that is not known;
-        none before it is settled.
+        ``(k,)`` float64, at which share of its sightings a thing of each kind goes a step then or within fifty
+        decisions, NaN where that is not known; none before it is settled.
+    ranges_px_ : ndarray
+        ``(k, 4)`` float64, least row and column to which a thing of each kind went, greatest row and column.
     """
 
-    SAVED = ("shares_", "_counts", "_ids", "_moves")
+    SAVED = ("shares_", "ranges_px_", "_sightings", "_clock")
 
     def __init__(self) -> None:
         self.shares_: NDArray[np.float64] = np.zeros(0)
-        self._counts: Ints = np.zeros((2, 0, 0), np.int64)  # (2, c, t): steps of each class and colour, and sightings
-        self._ids: Ints = np.zeros(0, np.int64)  # of the tracks of the decision before
-        self._moves: Ints = np.zeros(0, np.int64)
+        self.ranges_px_: NDArray[np.float64] = np.zeros((0, 4))
+        self._sightings: NDArray[np.float64] = np.zeros((0, 8))  # in the columns above
+        self._clock: Ints = np.zeros(2, np.int64)  # episodes and decisions
 
     def learn(self, tracks: Tracks, tints: Ints) -> None:
-        """Count the tracks of a decision, given the colour of each, ``(n,)``; decisions are expected in their order."""
-        before = np.zeros(len(tracks), np.int64)
-        before[np.isin(tracks.ids, self._ids)] = self._moves[np.isin(self._ids, tracks.ids)]
-        self._ids, self._moves = tracks.ids, tracks.moves
-        followed = tracks.visible & (tracks.ages > 0)
-        looks = tracks.classes[followed], tints[followed]
-        more = [int(one.max(initial=-1)) + 1 - n for one, n in zip(looks, self._counts.shape[1:], strict=True)]
-        self._counts = np.pad(self._counts, [(0, 0), *((0, max(n, 0)) for n in more)])
-        np.add.at(self._counts[0], looks, tracks.moves[followed] > before[followed])
-        np.add.at(self._counts[1], looks, 1)
+        """Note the tracks of a decision, given the colour of each, ``(n,)``; decisions are expected in their order."""
+        self._clock = self._clock + np.array([tracks.ages.max(initial=0) == 0, 1])
+        n, seen = len(tracks), tracks.visible
+        episode, decision = np.broadcast_to(self._clock, (n, 2)).T
+        looks = [episode, tracks.ids, decision, tracks.classes, tints, tracks.moves, tracks.centres_px]
+        self._sightings = np.concatenate([self._sightings, np.column_stack(looks)[seen]])
 
     def settle(self, numbers: Ints) -> None:
-        """Take over the kind of each class in each colour, ``(c, t)``; see `Tints.numbers_`."""
-        steps, seen = np.zeros((2, int(numbers.max(initial=-1)) + 1), np.int64)
-        c, t = np.minimum(numbers.shape, self._counts.shape[1:])
-        for counts, counted in zip((steps, seen), self._counts, strict=True):
-            np.add.at(counts, numbers[:c, :t], counted[:c, :t])
-        self.shares_ = np.where(seen >= LEAST_SEEN, steps / np.maximum(seen, 1), np.nan)
+        """Judge the kinds, given that of each class in each colour, ``(c, t)``; see `Tints.numbers_`."""
+        rows = self._sightings[np.lexsort(self._sightings.T[[_DECISION, _ID, _EPISODE]])]
+        steps, moves = _steps(rows)
+        kinds = numbers[rows[:, _CLASS].astype(np.int64), rows[:, _TINT].astype(np.int64)]
+        known = int(numbers.max(initial=-1)) + 1
+        seen = np.bincount(kinds, minlength=known)
+        shares = np.bincount(kinds, weights=moves, minlength=known) / np.maximum(seen, 1)
+        self.shares_ = np.where(seen >= LEAST_SEEN, shares, np.nan)
+        self.ranges_px_ = np.tile([np.inf, np.inf, -np.inf, -np.inf], (known, 1))
+        places = rows[steps][:, [_ROW, _COLUMN]]
+        np.minimum.at(self.ranges_px_[:, :2], kinds[steps], places)
+        np.maximum.at(self.ranges_px_[:, 2:], kinds[steps], places)
+        self._sightings = self._sightings[:0]
 
     def stays(self, tracks: Tracks, kinds: Ints) -> NDArray[np.bool_]:
         """Tell which tracks are scenery, ``(n,)``, given their kinds, ``(n,)``.
 
         Things of a kind that is known to stay do; of others it shows by their steps, later where their kind moves.
         """
-        shares = np.append(self.shares_, np.nan)[np.minimum(kinds, len(self.shares_))]
-        counted = np.where(shares >= LEAST_MOVING_SHARE, tracks.ages - RESTING_DECISIONS, np.maximum(tracks.ages, 1))
-        return np.asarray((shares < LEAST_MOVING_SHARE) | (tracks.moves < LEAST_MOVING_SHARE * counted))
+        known = np.minimum(kinds, len(self.shares_))
+        shares = np.append(self.shares_, np.nan)[known]
+        first, last = np.split(np.append(self.ranges_px_, np.full((1, 4), np.nan), axis=0)[known], 2, axis=1)
+        at_home = ((tracks.centres_px >= first) & (tracks.centres_px <= last)).all(axis=1)
+        rests = np.where((shares >= MOBILE_SHARE) & at_home, RESTING_DECISIONS, 0)
+        counted = np.where(rests > 0, tracks.ages - rests, np.maximum(tracks.ages, 1))
+        return np.asarray((shares < SCENERY_SHARE) | (tracks.moves < LEAST_MOVING_SHARE * counted))
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Take over what was saved; runs that are older than this know nothing of kinds."""
         if arrays:
             super().from_arrays(arrays)
+
+
+def _steps(rows: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Tell at which sightings, sorted by track and time, a thing goes a step, and at which then or soon after."""
+    steps = np.zeros(len(rows), np.bool_)
+    same = (rows[1:, : _ID + 1] == rows[:-1, : _ID + 1]).all(axis=1)
+    steps[1:] = same & (rows[1:, _MOVES] > rows[:-1, _MOVES])
+    places = np.where(steps, np.arange(len(rows)), len(rows) - 1)
+    following = np.minimum.accumulate(places[::-1])[::-1]  # the next sighting with a step, or the last of all
+    mine = (rows[following, : _ID + 1] == rows[:, : _ID + 1]).all(axis=1) & steps[following]
+    soon = rows[following, _DECISION] - rows[:, _DECISION] <= RESTING_DECISIONS
+    return steps, mine & soon
