@@ -51,7 +51,7 @@ LAG_PX = 2
 """The RAM may be a moment ahead of the picture."""
 
 USUAL_EVERY = 10
-"""One frame in so many is looked at for what each pixel mostly shows."""
+"""One frame in so many is looked at for what is behind everything."""
 
 LEAST_SHIFTS = 0.002
 """Share of the sightings of a category at which a thing of one size must be gone from one place and new in another."""
@@ -152,10 +152,11 @@ def play(encoder: ObjectsEncoder, config: RunConfig) -> Iterator[tuple[Observati
 def drawn(truths: list[list[Truth]], frames: list[Frame]) -> list[list[Truth]]:
     """Leave out what the picture does not show, or the RAM has twice.
 
-    Something is shown if the box, or a pixel around it, is not what is mostly seen there.
+    Something is shown if the box, or a pixel around it, is not what is seen there in more than half of the frames.
     """
     some = np.array(frames[::USUAL_EVERY], np.int64) @ [1 << 16, 1 << 8, 1]
-    usual = mode(some, axis=0).mode
+    commonest = mode(some, axis=0)
+    usual = np.where(commonest.count > len(some) / 2, commonest.mode, -1)
     kept: list[list[Truth]] = []
     for true, frame in zip(truths, frames, strict=True):
         unusual = frame.astype(np.int64) @ [1 << 16, 1 << 8, 1] != usual
