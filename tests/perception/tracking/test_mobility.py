@@ -72,6 +72,10 @@ def test_a_kind_that_was_hardly_seen_says_nothing(times, known):
     assert judged(mobility, [[(WALKER, 10, 15)]]) != known
 
 
+def test_nothing_seen_is_nothing_told():
+    assert learned([[], []], np.zeros((0, 1), np.int64)).shares_.tolist() == []
+
+
 def test_each_episode_has_tracks_of_its_own():
     mobility = Mobility()
     for _ in range(2):

@@ -3,8 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from semrl.core import Ints, Tracks
+from semrl.core import Floats, Ints, Tracks
 from semrl.core.arrays import Arrays
+from semrl.core.kernels import compiled
 from semrl.core.protocols import Saved
 from semrl.core.things import LEAST_MOVING_SHARE
 from semrl.perception.tracking.tints import LEAST_SEEN
@@ -82,13 +83,7 @@ class Mobility(Saved):
 
         Things of a kind that is known to stay do; of others it shows by their steps, later where their kind moves.
         """
-        known = np.minimum(kinds, len(self.shares_))
-        shares = np.append(self.shares_, np.nan)[known]
-        first, last = np.split(np.append(self.ranges_px_, np.full((1, 4), np.nan), axis=0)[known], 2, axis=1)
-        at_home = ((tracks.centres_px >= first) & (tracks.centres_px <= last)).all(axis=1)
-        rests = np.where((shares >= MOBILE_SHARE) & at_home, RESTING_DECISIONS, 0)
-        counted = np.where(rests > 0, tracks.ages - rests, np.maximum(tracks.ages, 1))
-        return np.asarray((shares < SCENERY_SHARE) | (tracks.moves < LEAST_MOVING_SHARE * counted))
+        return _stays(kinds, tracks.centres_px, tracks.ages, tracks.moves, self.shares_, self.ranges_px_)
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Take over what was saved; runs that are older than this know nothing of kinds."""
@@ -106,3 +101,20 @@ def _steps(rows: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.boo
     mine = (rows[following, : _ID + 1] == rows[:, : _ID + 1]).all(axis=1) & steps[following]
     soon = rows[following, _DECISION] - rows[:, _DECISION] <= RESTING_DECISIONS
     return steps, mine & soon
+
+
+@compiled
+def _stays(  # noqa: PLR0917 - compiled functions take no keywords
+    kinds: Ints, centres: Floats, ages: Ints, moves: Ints, shares: NDArray[np.float64], ranges: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    result = np.empty(len(kinds), np.bool_)
+    for i in range(len(kinds)):
+        share, counted = np.nan, max(ages[i], 1)
+        if kinds[i] < len(shares):
+            share = shares[kinds[i]]
+            top, left, bottom, right = ranges[kinds[i]]
+            row, column = centres[i]
+            if share >= MOBILE_SHARE and top <= row <= bottom and left <= column <= right:
+                counted = ages[i] - RESTING_DECISIONS
+        result[i] = share < SCENERY_SHARE or moves[i] < LEAST_MOVING_SHARE * counted
+    return result
