@@ -128,7 +128,7 @@ def score_game(game: str, arguments: Arguments) -> dict[str, Any]:
         labels.append(labels_of(things[-1][-1], tracks.ids[moving]))
         slotted = (tracks.time_since_update == 0) & np.isin(tracks.roles, roles.slots_)
         told.append(found(tracks, slotted, tracks.roles, shape))
-    moved = without_scenery(drawn(truths, frames))
+    moved = drawn(without_scenery(truths), frames)
     number_of = concepts_of(things)
     named = [replace(each, kinds=number_of[label]) for each, label in zip(followed, labels, strict=True)]
     return {

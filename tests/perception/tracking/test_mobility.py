@@ -34,8 +34,8 @@ def judged(mobility, frames):
 
 def test_kinds_move_whose_things_do_now_or_soon():
     mobility = learned([world(t) for t in range(60)])
-    assert mobility.shares_.tolist() == [1, 0, 49 / 60]  # the marcher goes its last step at decision 48
-    assert mobility.ranges_px_[[WALKER, MARCHER]].tolist() == [[10, 11, 10, 69], [70, 13, 70, 22]]
+    assert mobility.shares_.tolist() == [[59 / 60, 1], [0, 0], [4 / 60, 49 / 60]]  # the last step at decision 48
+    assert mobility.ranges_px_[[WALKER, MARCHER]].tolist() == [[10, 10, 10, 69], [70, 10, 70, 22]]
 
 
 def test_what_is_of_a_kind_that_moves_is_no_scenery_before_its_first_step():
@@ -62,13 +62,13 @@ def test_what_stands_in_between_is_no_scenery():
     """Half hidden behind a wall a thing looks otherwise, and stands there for a while."""
     ways = [min(t % 40, 15) if t % 40 < 20 else max(35 - t % 40, 0) for t in range(280)]
     frames = [[(POST if 15 < t % 40 < 20 else WALKER, 10, 10 + 2 * way)] for t, way in enumerate(ways)]
-    assert learned(frames, KINDS[:2]).shares_[POST] > MOBILE_SHARE
+    assert learned(frames, KINDS[:2]).shares_[POST, 1] > MOBILE_SHARE
 
 
 @pytest.mark.parametrize(("times", "known"), [(LEAST_SEEN - 1, False), (LEAST_SEEN, True)])
 def test_a_kind_that_was_hardly_seen_says_nothing(times, known):
     mobility = learned([world(t) for t in range(times)])
-    assert np.isfinite(mobility.shares_).tolist() == [known] * 3
+    assert np.isfinite(mobility.shares_).tolist() == [[known] * 2] * 3
     assert judged(mobility, [[(WALKER, 10, 15)]]) != known
 
 
@@ -82,12 +82,12 @@ def test_each_episode_has_tracks_of_its_own():
         for tracks in followed([[(WALKER, 10, 10)]] * LEAST_SEEN):
             mobility.learn(tracks, np.zeros(1, np.int64))
     mobility.settle(KINDS[:1])
-    assert mobility.shares_.tolist() == [0]
+    assert mobility.shares_.tolist() == [[0, 0]]
 
 
 def test_classes_of_one_kind_are_counted_together():
     mobility = learned([world(t) for t in range(60)], np.array([[0], [0], [1]]))
-    assert mobility.shares_.tolist() == [0.5, 49 / 60]
+    assert mobility.shares_[:, 1].tolist() == [0.5, 49 / 60]
 
 
 def test_a_class_that_was_not_seen_when_kinds_were_settled_goes_by_its_steps():

@@ -17,10 +17,7 @@ RESTING_DECISIONS = 50
 """For so many decisions in all a thing may stand still and pass for moving, if it is of a kind that moves."""
 
 MOBILE_SHARE = 0.5
-"""Share of its sightings about which a thing of a kind must go a step, for the kind to move."""
-
-SCENERY_SHARE = 0.25
-"""The same, below which all that is of the kind stays, whatever it was before."""
+"""Share of its sightings at which a thing of a kind must go a step then or soon, for the kind to move."""
 
 _EPISODE, _ID, _DECISION, _CLASS, _TINT, _MOVES, _ROW, _COLUMN = range(8)
 
@@ -41,16 +38,16 @@ class Mobility(Saved):
     Attributes
     ----------
     shares_ : ndarray
-        ``(k,)`` float64, at which share of its sightings a thing of each kind goes a step then or within fifty
-        decisions, NaN where that is not known; none before it is settled.
+        ``(k, 2)`` float64, at which share of its sightings a thing of each kind goes a step, and at which then or
+        within fifty decisions; NaN where that is not known. None before it is settled.
     ranges_px_ : ndarray
-        ``(k, 4)`` float64, least row and column to which a thing of each kind went, greatest row and column.
+        ``(k, 4)`` float64, least row and column at which a thing of each kind was about to go a step, and greatest.
     """
 
     SAVED = ("shares_", "ranges_px_", "_sightings", "_clock")
 
     def __init__(self) -> None:
-        self.shares_: NDArray[np.float64] = np.zeros(0)
+        self.shares_: NDArray[np.float64] = np.zeros((0, 2))
         self.ranges_px_: NDArray[np.float64] = np.zeros((0, 4))
         self._sightings: NDArray[np.float64] = np.zeros((0, 8))  # in the columns above
         self._clock: Ints = np.zeros(2, np.int64)  # episodes and decisions
@@ -66,22 +63,22 @@ class Mobility(Saved):
     def settle(self, numbers: Ints) -> None:
         """Judge the kinds, given that of each class in each colour, ``(c, t)``; see `Tints.numbers_`."""
         rows = self._sightings[np.lexsort(self._sightings.T[[_DECISION, _ID, _EPISODE]])]
-        steps, moves = _steps(rows)
+        steps, soon = _steps(rows)
         kinds = numbers[rows[:, _CLASS].astype(np.int64), rows[:, _TINT].astype(np.int64)]
         known = int(numbers.max(initial=-1)) + 1
-        seen = np.bincount(kinds, minlength=known)
-        shares = np.bincount(kinds, weights=moves, minlength=known) / np.maximum(seen, 1)
-        self.shares_ = np.where(seen >= LEAST_SEEN, shares, np.nan)
+        seen, *moved = (np.bincount(kinds, weights=w, minlength=known) for w in (np.ones(len(rows)), steps, soon))
+        self.shares_ = np.column_stack(moved) / np.where(seen >= LEAST_SEEN, seen, np.nan)[:, None]
         self.ranges_px_ = np.tile([np.inf, np.inf, -np.inf, -np.inf], (known, 1))
-        places = rows[steps][:, [_ROW, _COLUMN]]
-        np.minimum.at(self.ranges_px_[:, :2], kinds[steps], places)
-        np.maximum.at(self.ranges_px_[:, 2:], kinds[steps], places)
+        places = rows[soon][:, [_ROW, _COLUMN]]
+        np.minimum.at(self.ranges_px_[:, :2], kinds[soon], places)
+        np.maximum.at(self.ranges_px_[:, 2:], kinds[soon], places)
         self._sightings = self._sightings[:0]
 
     def stays(self, tracks: Tracks, kinds: Ints) -> NDArray[np.bool_]:
         """Tell which tracks are scenery, ``(n,)``, given their kinds, ``(n,)``.
 
-        Things of a kind that is known to stay do; of others it shows by their steps, later where their kind moves.
+        Things of a kind that hardly ever goes a step, and is not mostly about to, do; of others it shows by their own
+        steps, later where their kind moves.
         """
         return _stays(kinds, tracks.centres_px, tracks.ages, tracks.moves, self.shares_, self.ranges_px_)
 
@@ -92,15 +89,15 @@ class Mobility(Saved):
 
 
 def _steps(rows: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Tell at which sightings, sorted by track and time, a thing goes a step, and at which then or soon after."""
+    """Tell at which sightings, sorted by track and time, a thing goes a step, and at which then or soon."""
     steps = np.zeros(len(rows), np.bool_)
     same = (rows[1:, : _ID + 1] == rows[:-1, : _ID + 1]).all(axis=1)
     steps[1:] = same & (rows[1:, _MOVES] > rows[:-1, _MOVES])
     places = np.where(steps, np.arange(len(rows)), len(rows) - 1)
     following = np.minimum.accumulate(places[::-1])[::-1]  # the next sighting with a step, or the last of all
     mine = (rows[following, : _ID + 1] == rows[:, : _ID + 1]).all(axis=1) & steps[following]
-    soon = rows[following, _DECISION] - rows[:, _DECISION] <= RESTING_DECISIONS
-    return steps, mine & soon
+    near = rows[following, _DECISION] - rows[:, _DECISION] <= RESTING_DECISIONS
+    return steps, mine & near
 
 
 @compiled
@@ -109,12 +106,13 @@ def _stays(  # noqa: PLR0917 - compiled functions take no keywords
 ) -> NDArray[np.bool_]:
     result = np.empty(len(kinds), np.bool_)
     for i in range(len(kinds)):
-        share, counted = np.nan, max(ages[i], 1)
+        counted, of_scenery = max(ages[i], 1), False
         if kinds[i] < len(shares):
-            share = shares[kinds[i]]
+            step, soon = shares[kinds[i]]
             top, left, bottom, right = ranges[kinds[i]]
             row, column = centres[i]
-            if share >= MOBILE_SHARE and top <= row <= bottom and left <= column <= right:
+            of_scenery = step < LEAST_MOVING_SHARE and soon < MOBILE_SHARE
+            if soon >= MOBILE_SHARE and top <= row <= bottom and left <= column <= right:
                 counted = ages[i] - RESTING_DECISIONS
-        result[i] = share < SCENERY_SHARE or moves[i] < LEAST_MOVING_SHARE * counted
+        result[i] = of_scenery or moves[i] < LEAST_MOVING_SHARE * counted
     return result
