@@ -58,14 +58,16 @@ class ReplayBuffer:
 
     def __init__(self, capacity: int, shape: tuple[int, ...], dtype: DTypeLike, plan_size: int = 0) -> None:
         self.capacity = capacity
-        self._length = math.prod(shape)
-        self._observations = np.zeros((capacity, *shape), dtype=dtype)
-        self._plans = np.zeros((capacity, plan_size), dtype=np.float32)
-        self._actions = np.full(capacity, -1, dtype=np.int16)  # −1: the end of an episode
-        self._advised = np.full(capacity, -1, dtype=np.int16)  # −1: no advice
-        self._rewards = np.zeros(capacity, dtype=np.float32)
-        self._terminated = np.zeros(capacity, dtype=np.bool_)
-        self._starts = np.zeros(capacity, dtype=np.bool_)
+        self._shape = shape
+        self._ring = Ring(
+            observations=np.zeros((capacity, math.prod(shape)), dtype),
+            plans=np.zeros((capacity, plan_size), np.float32),
+            actions=np.full(capacity, -1, np.int16),
+            advised=np.full(capacity, -1, np.int16),
+            rewards=np.zeros(capacity, np.float32),
+            terminated=np.zeros(capacity, np.bool_),
+            starts=np.zeros(capacity, np.bool_),
+        )
         self._count = 0  # entries ever written
         self._rewarded: list[Ints] | None = None  # entries of gains and of losses; None when they must be looked for
 
@@ -85,15 +87,13 @@ class ReplayBuffer:
     ) -> None:
         """Store an observation, its plan and what followed; ``start`` marks the first of an episode."""
         i = self._count % self.capacity
-        if reward or self._rewards[i]:
+        if reward or self._ring.rewards[i]:
             self._rewarded = None
-        self._observations[i] = observation
-        self._plans[i] = plan
-        self._actions[i] = action
-        self._advised[i] = -1 if advised is None else advised
-        self._rewards[i] = reward
-        self._terminated[i] = terminated
-        self._starts[i] = start
+        advice = -1 if advised is None else advised
+        entry = np.ravel(observation), plan, action, advice, reward, terminated, start
+        parts: tuple[NDArray[Any], ...] = self._ring
+        for part, value in zip(parts, entry, strict=True):
+            part[i] = value
         self._count += 1
 
     def end_episode(self, observation: NDArray[Any], plan: Floats) -> None:
@@ -120,7 +120,7 @@ class ReplayBuffer:
         gammas = np.float32(discount) ** np.arange(n_steps + 1, dtype=np.float32)
         drawn = self._room(size, n_steps)
         gather(self._ring, ticks, (oldest, newest), gammas, drawn)
-        shape = (size, 2, *self._observations.shape[1:])
+        shape = (size, 2, *self._shape)
         return Batch(
             states=drawn.states.reshape(shape),
             plans=drawn.plans,
@@ -136,28 +136,25 @@ class ReplayBuffer:
         """Return states, ``(≤ count, 2, *shape)``, and plans, ``(≤ count, p)``, of the newest entries, oldest first."""
         oldest = max(0, self._count - self.capacity)
         ticks = np.arange(max(oldest, self._count - count), self._count)
-        states = np.empty((len(ticks), 2, *self._observations.shape[1:]), self._observations.dtype)
-        stack(self._ring, ticks, oldest, states.reshape(2 * len(ticks), self._length))
-        return states, self._plans[ticks % self.capacity]
+        rows = np.empty((2 * len(ticks), self._ring.observations.shape[1]), self._ring.observations.dtype)
+        stack(self._ring, ticks, oldest, rows)
+        return rows.reshape(len(ticks), 2, *self._shape), self._ring.plans[ticks % self.capacity]
 
     def to_arrays(self) -> Arrays:
         """Return the filled part of the ring: views that the next `add` may change."""
         n = len(self)
+        arrays: Arrays = {name: part[:n] for name, part in self._ring._asdict().items()}
         return {
-            "observations": self._observations[:n],
-            "plans": self._plans[:n],
-            "actions": self._actions[:n],
-            "advised": self._advised[:n],
-            "rewards": self._rewards[:n],
-            "terminated": self._terminated[:n],
-            "starts": self._starts[:n],
+            **arrays,
+            "observations": arrays["observations"].reshape(n, *self._shape),
             "count": np.array(self._count),
         }
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Take over a ring of the same capacity and shape; a full one is not copied."""
-        for name in ("observations", "plans", "actions", "advised", "rewards", "terminated", "starts"):
-            setattr(self, f"_{name}", _extended(arrays[name], self.capacity))
+        parts = {name: _extended(arrays[name], self.capacity) for name in Ring._fields}
+        observations = parts["observations"].reshape(self._ring.observations.shape)
+        self._ring = Ring(**{**parts, "observations": observations})
         self._count = int(arrays["count"])
         self._rewarded = None
 
@@ -166,7 +163,7 @@ class ReplayBuffer:
         if newest <= oldest:
             raise DataError("nothing to replay yet: the buffer needs an observation and the one after it")
         ticks = rng.integers(oldest, newest, size)
-        while (bad := self._actions[ticks % self.capacity] < 0).any():
+        while (bad := self._ring.actions[ticks % self.capacity] < 0).any():
             ticks[bad] = rng.integers(oldest, newest, int(bad.sum()))
         return ticks
 
@@ -178,30 +175,19 @@ class ReplayBuffer:
         if not len(ticks):
             return
         if self._rewarded is None:
-            rewards = self._rewards[: len(self)]
+            rewards = self._ring.rewards[: len(self)]
             self._rewarded = [np.flatnonzero(rewards > 0), np.flatnonzero(rewards < 0)]
         kinds = [kind for kind in self._rewarded if len(kind)]
         for kind, part in zip(kinds, np.array_split(ticks, len(kinds) or 1), strict=False):
             rewarded = newest - (newest - kind) % self.capacity  # entry → tick
             drawn = rng.choice(rewarded, len(part)) - rng.integers(REWARD_WINDOW, size=len(part))
-            fit = (drawn >= oldest) & (drawn < newest) & (self._actions[drawn % self.capacity] >= 0)
+            fit = (drawn >= oldest) & (drawn < newest) & (self._ring.actions[drawn % self.capacity] >= 0)
             part[fit] = drawn[fit]
 
-    @property
-    def _ring(self) -> Ring:
-        return Ring(
-            observations=self._observations.reshape(self.capacity, self._length),
-            plans=self._plans,
-            actions=self._actions,
-            advised=self._advised,
-            rewards=self._rewards,
-            terminated=self._terminated,
-            starts=self._starts,
-        )
-
     def _room(self, size: int, n_steps: int) -> Drawn:
-        states = np.empty((2, 2 * size, self._length), self._observations.dtype)
-        plans = np.empty((2, size, self._plans.shape[1]), np.float32)
+        observations, plan_size = self._ring.observations, self._ring.plans.shape[1]
+        states = np.empty((2, 2 * size, observations.shape[1]), observations.dtype)
+        plans = np.empty((2, size, plan_size), np.float32)
         return Drawn(
             states=states[0],
             next_states=states[1],
