@@ -154,14 +154,19 @@ def drawn(truths: list[list[Truth]], frames: list[Frame]) -> list[list[Truth]]:
 
     Something is shown if the box, or a pixel around it, is not what is seen there in more than half of the frames.
     """
-    some = np.array(frames[::USUAL_EVERY], np.int64) @ [1 << 16, 1 << 8, 1]
+    some = colours(np.array(frames[::USUAL_EVERY]))
     commonest = mode(some, axis=0)
     usual = np.where(commonest.count > len(some) / 2, commonest.mode, -1)
     kept: list[list[Truth]] = []
     for true, frame in zip(truths, frames, strict=True):
-        unusual = frame.astype(np.int64) @ [1 << 16, 1 << 8, 1] != usual
+        unusual = colours(frame) != usual
         kept.append([each for each in dict.fromkeys(true) if around(each, unusual).any()])
     return kept
+
+
+def colours(frames: Frame) -> NDArray[np.int64]:
+    """Return one number for each colour of frames, ``(…, channels)``."""
+    return np.asarray(frames.astype(np.int64) @ [1 << 16, 1 << 8, 1])
 
 
 def around(true: Truth, picture: NDArray[np.bool_]) -> NDArray[np.bool_]:

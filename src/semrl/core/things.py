@@ -23,7 +23,8 @@ MAX_SLOTS = 64
 """Longest such list."""
 
 LEAST_MOVING_SHARE = 0.05
-"""Share of the decisions at which a thing must have moved, else it is scenery: still, unless it has a slot."""
+"""Share of the decisions at which a thing must have moved, else it is scenery: still, unless it has a slot, or its kind
+tells otherwise."""
 
 
 def no_things() -> Floats:
